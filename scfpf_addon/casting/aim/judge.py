@@ -69,6 +69,12 @@ class Judgement:
         return self._distances == 0.0 and self.mirrored == 0.0 and self.folded == 0.0
 
     @property
+    def misses_pins(self) -> bool:
+        """Return whether pins are farther from their places than the bars allow."""
+        nearly_all, most = PIN_BARS
+        return _percentile(self.pixels, NEARLY_ALL) > nearly_all or float(self.pixels.max(initial=0.0)) > most
+
+    @property
     def _distances(self) -> float:
         """By how much the bars of distances are missed, in doublings."""
         pins = _percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))

@@ -12,9 +12,12 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, more
-# steps leave folds, and stays that count less do not force any.
-SCHEDULES = (Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5))
+# The way that is tried first, and others: stays that count more hold the background, more steps leave folds, and
+# stays that count less do not force any.
+FIRST = Schedule()
+STILL, LONG, LOOSE = Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5)
+# Stays force folds if more than this share of the pixels is folded or mirrored.
+FORCED = 0.005
 
 
 class Round(NamedTuple):
@@ -38,23 +41,26 @@ def solve_in_rounds(
     judged: Judge,
     old: Judgement,
     report: Report = lambda share: False,
-    schedules: tuple[Schedule, ...] = SCHEDULES,
 ) -> Round | None:
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
     old: the judgement of the image before; a round that is no worse wins over one that is.
     """
     best: Round | None = None
-    done = 0.0
-    for number, schedule in enumerate(schedules, 1):
+    done, number, ways = 0.0, 0, [FIRST]
+    while ways:
+        schedule, number = ways.pop(0), number + 1
         part = ROUND_SHARE * (1.0 - done)
         result = solve(problem, _Steps(report, done, part / schedule.most_steps), schedule)
         done += part
         if result is None or report(done):
             return None
         if not all(np.isfinite(patch.points).all() for patch in result.patches):
+            ways = ways or [LOOSE] * (number == 1)
             continue
         found = Round(result, judged(result), number)
+        if number == 1:
+            ways = _other_ways(found.judgement)
         if best is None or _rank(found, old) < _rank(best, old):
             best = found
         if best.judgement.meets_bars and not best.judgement.worse_than(old):
@@ -71,6 +77,15 @@ class _Steps:
     def __call__(self) -> bool:
         self._done += self._size
         return self._report(self._done)
+
+
+def _other_ways(first: Judgement) -> list[Schedule]:
+    """The ways that mend what the first one missed, in turn."""
+    if max(first.mirrored, first.folded) > FORCED:
+        return [LOOSE, LONG]
+    if first.misses_pins:
+        return [LOOSE]
+    return [STILL, LONG] if first.mirrored or first.folded else [STILL]
 
 
 def _rank(found: Round, old: Judgement) -> tuple[bool, bool, float]:

@@ -51,19 +51,37 @@ def test_without_one_the_least_shortfall_wins(chosen):
     # log2 (8 / 2) of the median background, and 0.001 / 0.002 of what is mirrored.
     far, mirrored = judgement(moved=8.0), judgement(mirrored=0.001)
     assert far.shortfall == 2.0 and mirrored.shortfall == 0.5
-    assert chosen([far, mirrored, judgement(moved=50.0), far]) == (2, 4)
+    assert chosen([far, mirrored]) == (2, 2)
+    assert chosen([mirrored, far, judgement(moved=50.0)]) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("first", "others"),
+    [
+        (judgement(moved=40.0), [rounds.STILL]),
+        (judgement(moved=40.0, folded=0.001), [rounds.STILL, rounds.LONG]),
+        (judgement(folded=0.02), [rounds.LOOSE, rounds.LONG]),
+        (judgement(pixels=30.0, folded=0.001), [rounds.LOOSE]),
+    ],
+)
+def test_what_the_first_way_misses_chooses_the_others(monkeypatch, first, others):
+    solved = []
+    result = AimResult((NurbsPatch(np.zeros((4, 4, 3))),), np.zeros(10), np.zeros(10), 1)
+    monkeypatch.setattr(rounds, "solve", lambda problem, report, way: solved.append(way) or result)
+    rounds.solve_in_rounds(None, lambda result: first, OLD)
+    assert solved == [rounds.FIRST, *others]
 
 
 def test_one_that_is_worse_than_before_loses(chosen):
     worse = judgement(mirrored=0.006)
     assert worse.worse_than(OLD) == "MIRRORED"
     # 20 pixels beside the bars are more doublings, but better than before.
-    assert chosen([worse, judgement(pixels=40.0), worse, worse]) == (2, 4)
+    assert chosen([worse, judgement(pixels=40.0), worse]) == (2, 3)
 
 
 def test_progress_rises_and_stops(chosen):
     shares = []
     bad = judgement(folded=0.001)
-    chosen([bad] * 4, lambda share: bool(shares.append(share)))
+    chosen([bad] * 3, lambda share: bool(shares.append(share)))
     assert shares == sorted(shares) and 0.9 < shares[-1] <= 1.0
-    assert chosen([bad] * 4, lambda share: share > 0.71) == (None, 2)
+    assert chosen([bad] * 3, lambda share: share > 0.71) == (None, 2)
