@@ -39,7 +39,9 @@ class RecordingLayout:
         return RecordingLayout(self.record), RecordingLayout(self.record)
 
     def operator_menu_enum(self, idname, prop, **_options):
-        setattr(self.operator(idname), prop, None)
+        properties = self.operator(idname)
+        setattr(properties, prop, None)
+        return properties
 
     def menu(self, idname, **_options):
         assert hasattr(bpy.types, idname), idname
