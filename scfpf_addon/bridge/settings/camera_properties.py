@@ -394,6 +394,12 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         min=0,
         **STATIC,
     )
+    layer_image: pointer(
+        "Picture of Layers",
+        "The image by Check Layers that shows in colors which layer each pixel belongs to",
+        bpy.types.Image,
+        options=set(),
+    )
     pixel_error: number(
         "Pixel Error",
         "Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "

@@ -100,7 +100,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends", "blend_field"}
     hidden |= {"blend_more", "active_blend"}
-    hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer"}
+    hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer", "layer_image"}
     # An operator switches it, which also looks through the camera.
     hidden |= {"show_live"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden

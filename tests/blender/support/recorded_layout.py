@@ -60,6 +60,10 @@ class RecordingLayout:
         assert 0 <= factor <= 1
         self.record.append(("progress", text))
 
+    def icon(self, datablock):
+        assert isinstance(datablock, bpy.types.ID)
+        return 1
+
     def separator(self, **_options):
         pass
 
