@@ -7,7 +7,7 @@ from ..scfpf_addon.bridge.layers.read_image_layers import lacking
 from .base import Subsection, draw_text, section_panels
 
 # Sizes of the picture of layers and of the color of one, in units of Blender's interface.
-PICTURE, SWATCH = 6.0, 0.8
+PICTURE, SWATCH = 9.0, 0.8
 
 
 class SCFPF_UL_layers(bpy.types.UIList):

@@ -209,7 +209,7 @@ def layers(driver):
     scene.cycles.samples, scene.cycles.use_denoising = 2, False
     bpy.context.preferences.view.render_display_type = "AREA"
     camera = scene.camera
-    thing = next(obj for obj in scene.objects if obj.type == "MESH" and not obj.hide_render)
+    thing = bpy.data.objects["Cube"]
     group = bpy.data.collections.new("Thing")
     scene.collection.children.link(group)
     group.objects.link(thing)

@@ -377,8 +377,8 @@ def test_eight_layers_lie_over_one_another_in_the_order_of_the_list(scene):
         bpy.context.object.name = f"Cube {k}"
         glowing(f"Cube {k}", (0.1 + k / 8, 1 - k / 8, 0.2 + k % 3 / 4))
         collected(f"Layer {k}", f"Cube {k}")
-        beside = place + ((k % 4 - 1.5) * 0.9, 0.0, (k // 4 - 0.5) * 1.1)
-        new_camera(f"Eye {k}", looking(beside + (0.5, -6.0, 1.0), beside))
+        beside = place + np.array(((k % 4 - 1.5) * 0.9, 0.0, (k // 4 - 0.5) * 1.1))
+        new_camera(f"Eye {k}", looking(beside + np.array((0.5, -6.0, 1.0)), beside))
     own = [alone(scene, {f"Cube {k}"}, f"Eye {k}", transparent=True) for k in range(8)]
     wanted, solid = over(alone(scene, REST), *own)
     for k in range(8):
