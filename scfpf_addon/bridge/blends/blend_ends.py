@@ -16,7 +16,7 @@ from ..blender.slot_animation import curve_collections
 # Paths of what Bake Map bakes, and of what a map around views follows on another camera.
 MAP_PATHS = ("scfpf.blend_field.", "scfpf.blend_more[")
 VIEW_PATH = "scfpf.aim_targets["
-# An image has at most so many cameras in one blend: each keeps a shape of each surface.
+# The most cameras of a blend: each keeps a shape of each surface.
 MOST_ENDS = 16
 
 

@@ -191,7 +191,8 @@ def mixed(surface, weights: Array) -> Array:
     first = points_of(keys[FIRST_KEY])
     found = first
     names = [WHOLE_KEY, *(key.name for key in keys if FURTHER_KEY.fullmatch(key.name))]
-    for name, share in zip(names, weights, strict=True):
+    # A camera that a script has removed from the list has a shape until Update Blend.
+    for name, share in zip(names, weights, strict=False):
         found = found + share.astype(np.float32)[:, None] * (points_of(keys[name]) - first)
     return found
 

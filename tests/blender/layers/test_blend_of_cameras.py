@@ -136,6 +136,18 @@ def test_a_camera_is_added_to_a_blend_and_undo_takes_it_back(cameras, seen):
         bpy.ops.scfpf.blend_update()
     with pytest.raises(RuntimeError, match="has no camera 7"):
         bpy.ops.scfpf.blend_map(kind="LINEAR", number=7)
+    # A script removes the camera behind the add-on's back.
+    blend.scfpf.blend_more.clear()
+    blend.scfpf.blend_field.weight = 0.5
+    bpy.context.view_layer.update()
+    assert is_near(seen(blend)[0], mean(ends[:2], 0.5 * one), mask, 1e-5)
+
+
+def test_a_blend_takes_only_so_many_cameras(cameras, addon, monkeypatch):
+    monkeypatch.setattr(addon("operators.camera.blend"), "MOST_ENDS", 2)
+    with pytest.raises(RuntimeError, match="at most 2 cameras: blend some of them first"):
+        bpy.ops.scfpf.camera_blend()
+    assert len([obj for obj in bpy.data.objects if obj.type == "CAMERA"]) == 3
 
 
 def test_the_sharp_seams_of_three_cameras_are_exact(cameras, seen, addon):
