@@ -201,6 +201,31 @@ def farm_render(blend):
     return subprocess.Popen(command)
 
 
+def animation(driver, camera, thing, ended):
+    """Render the frame range into files as the button beside it does; return the counts of datablocks."""
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 2
+    thing.keyframe_insert("location", frame=1)
+    thing.location.x += 2.0
+    thing.keyframe_insert("location", frame=2)
+    scene.frame_set(1)
+    before = counts()
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="scfpf-frames-"))
+    scene.render.filepath = f"{folder}/at_##.png"
+    with driver.override():
+        invoked = bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name, animation=True)
+    assert invoked == {"RUNNING_MODAL"}
+    yield 0.5
+    yield from ended()
+    driver.shot("animation")
+    frames = sorted(folder.iterdir())
+    assert [path.name for path in frames] == ["at_01.png", "at_02.png"], frames
+    assert frames[0].read_bytes() != frames[1].read_bytes(), "the second frame is the first one"
+    assert scene.frame_current == 1 and counts() == before, (scene.frame_current, counts())
+    shutil.rmtree(folder)
+    return before
+
+
 def layers(driver):
     """Render Layers with Cycles: render by render, the picture in an editor, then Esc; nothing is left."""
     build_scene(percentage=8)
@@ -235,26 +260,7 @@ def layers(driver):
     driver.shot("done")
     assert result() is not None and driver.pixels().reshape(-1, 4)[:, :3].std() > 0.02, "no picture"
     assert counts() == before, (before, counts())
-    # The button beside it: the frames of the scene's range, written one after the other.
-    scene.frame_start, scene.frame_end = 1, 2
-    thing.keyframe_insert("location", frame=1)
-    thing.location.x += 2.0
-    thing.keyframe_insert("location", frame=2)
-    scene.frame_set(1)
-    before = counts()
-    folder = pathlib.Path(tempfile.mkdtemp(prefix="scfpf-frames-"))
-    scene.render.filepath = f"{folder}/at_##.png"
-    with driver.override():
-        invoked = bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name, animation=True)
-    assert invoked == {"RUNNING_MODAL"}
-    yield 0.5
-    yield from ended()
-    driver.shot("animation")
-    frames = sorted(folder.iterdir())
-    assert [path.name for path in frames] == ["at_01.png", "at_02.png"], frames
-    assert frames[0].read_bytes() != frames[1].read_bytes(), "the second frame is the first one"
-    assert scene.frame_current == 1 and counts() == before, (scene.frame_current, counts())
-    shutil.rmtree(folder)
+    before = yield from animation(driver, camera, thing, ended)
     kept = driver.pixels().copy()
     scene.world.color = (0.9, 0.1, 0.1)
     scene.cycles.samples = 3
