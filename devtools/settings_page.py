@@ -27,7 +27,13 @@ GROUPS = (
         "A control surface",
         tuple(("settings/camera_properties", f"SCFPF_Surface{name}") for name in ("Slot", "Settings")),
     ),
-    ("A blend", (("settings/camera_properties", "SCFPF_BlendEnds"),)),
+    (
+        "A blend",
+        (
+            *(("settings/camera_properties", f"SCFPF_Blend{name}") for name in ("Ends", "Further")),
+            ("settings/blend_properties", "SCFPF_BlendField"),
+        ),
+    ),
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
     ("Aim", tuple(("settings/aim_properties", f"SCFPF_Aim{name}") for name in ("", "Target"))),
     ("Layers", (("settings/layer_properties", "SCFPF_ImageLayer"),)),

@@ -4,6 +4,7 @@
 from .aim import drag, pin_click, solve, targets
 from .camera import (
     blend,
+    blend_maps,
     camera,
     cycles,
     duplicate,
@@ -32,6 +33,7 @@ MODULES = (
     framing,
     duplicate,
     blend,
+    blend_maps,
     screen,
     render,
     engine,

@@ -7,13 +7,8 @@ from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
 from ..operators.common.words import worded
 from ..operators.image.pick import pick_readout
-from ..scfpf_addon.bridge.camera.camera_blend import (
-    is_baked,
-    is_blend,
-    is_map_animated,
-    is_too_coarse,
-    knows_its_ends,
-)
+from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, knows_its_ends
+from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
@@ -27,6 +22,15 @@ from .ways import draw_ways
 
 # For a volume that is as the camera's own view.
 NEXT = "Straight so far. To bend it, choose a preset, or add a surface with + and move it (G)"
+# What each kind of map shows.
+MAP_SETTINGS = {
+    "NONE": (),
+    "LINEAR": ("center", "angle", "border"),
+    "RADIAL": ("center", "size", "border"),
+    "RECTANGLE": ("center", "size", "angle", "border"),
+    "IMAGE": (),
+    "VIEWS": ("border",),
+}
 
 
 def is_plain(settings) -> bool:
@@ -55,6 +59,17 @@ def draw_shared(layout, camera) -> None:
         column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
+class SCFPF_UL_blend(bpy.types.UIList):
+    """The further cameras of a blend"""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
+        row = layout.row(align=True)
+        # A row has no room for the panel's split into name and value.
+        row.use_property_split = row.use_property_decorate = False
+        row.prop(item, "camera", text="", icon="CAMERA_DATA" if item.camera else "ERROR")
+        row.prop(item.field, "weight", text="")
+
+
 def draw_blend(layout, camera) -> None:
     """Draw the factor, the ends and the button Update Blend of a blended camera; nothing for others."""
     settings = camera.scfpf
@@ -71,35 +86,53 @@ def draw_blend(layout, camera) -> None:
         column.label(text=worded("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
-    draw_blend_map(layout.column(align=True), camera)
-
-
-def draw_blend_map(column, camera) -> None:
-    """Draw where in the image the second camera of a blend counts."""
-    field = camera.scfpf.blend_field
-    title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
-    column.operator_menu_enum("scfpf.blend_map", "kind", text=worded("Map: {0}", title), icon="IMAGE_ALPHA")
-    shown = {
-        "NONE": (),
-        "LINEAR": ("center", "angle", "border"),
-        "RADIAL": ("center", "size", "border"),
-        "RECTANGLE": ("center", "size", "angle", "border"),
-        "IMAGE": (),
-    }
-    if field.kind == "IMAGE":
-        column.template_ID(field, "image", new="image.new", open="image.open")
-    for name in shown[field.kind]:
-        column.prop(field, name)
-    if field.kind in ("RADIAL", "RECTANGLE"):
-        column.operator("scfpf.blend_map_around", icon="PIVOT_BOUNDBOX")
-    if field.kind != "NONE":
-        column.prop(field, "is_inverted")
+    second, *further = ends_of(camera)
+    column = layout.column(align=True)
+    draw_blend_map(column, second, bool(further))
+    column = layout.column(align=True)
+    draw_further(column, settings)
+    if settings.active_blend < len(further):
+        draw_blend_map(column, further[settings.active_blend], False)
     if is_map_animated(camera):
         column.operator("scfpf.blend_map_bake", icon="ACTION")
         if not is_baked(camera):
             column.label(text="Keyframes of the map act once baked", icon="INFO")
     if is_too_coarse(camera):
         column.label(text="Update Blend makes it finer", icon="INFO")
+
+
+def draw_further(column, settings) -> None:
+    """Draw the list of the further cameras of a blend, and the buttons that change it."""
+    if not len(settings.blend_more):
+        column.operator("scfpf.blend_camera_add", icon="ADD")
+        return
+    row = column.row()
+    row.template_list(
+        "SCFPF_UL_blend", "", settings, "blend_more", settings, "active_blend", rows=2, sort_lock=True
+    )
+    buttons = row.column(align=True)
+    buttons.operator("scfpf.blend_camera_add", text="", icon="ADD")
+    buttons.operator("scfpf.blend_camera_remove", text="", icon="REMOVE")
+
+
+def draw_blend_map(column, end, has_weight: bool) -> None:
+    """Draw where in the image a camera of a blend counts. has_weight: whether to draw its weight, too."""
+    field = end.settings
+    title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
+    menu = column.operator_menu_enum(
+        "scfpf.blend_map", "kind", text=worded("Map: {0}", title), icon="IMAGE_ALPHA"
+    )
+    menu.number = end.number
+    if field.kind == "IMAGE":
+        column.template_ID(field, "image", new="image.new", open="image.open")
+    for name in MAP_SETTINGS[field.kind]:
+        column.prop(field, name)
+    if field.kind in ("RADIAL", "RECTANGLE"):
+        column.operator("scfpf.blend_map_around", icon="PIVOT_BOUNDBOX").number = end.number
+    if field.kind != "NONE":
+        column.prop(field, "is_inverted")
+    if has_weight:
+        column.prop(field, "weight")
 
 
 def draw_pick(layout, settings) -> None:
@@ -254,6 +287,7 @@ class SCFPF_PT_view(Sidebar, _MainSection, bpy.types.Panel):
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
+        SCFPF_UL_blend,
         SCFPF_PT_data,
         SCFPF_PT_view,
         *section_panels(_StatisticsSection, "statistics"),

@@ -6,6 +6,9 @@ import bpy
 from ..scfpf_addon.bridge.layers.read_image_layers import lacking
 from .base import Subsection, draw_text, section_panels
 
+# Sizes of the picture of layers and of the color of one, in units of Blender's interface.
+PICTURE, SWATCH = 9.0, 0.8
+
 
 class SCFPF_UL_layers(bpy.types.UIList):
     """The layers of the picture, the first one on top"""
@@ -21,6 +24,9 @@ class SCFPF_UL_layers(bpy.types.UIList):
             right.alignment = "RIGHT"
             right.alert = item.share == 0.0
             right.label(text=f"{item.share:.1%}".replace("%", " %"))
+        color = row.row()
+        color.ui_units_x = SWATCH
+        color.prop(item, "color", text="")
         icon = "CHECKBOX_HLT" if item.is_on else "CHECKBOX_DEHLT"
         row.prop(item, "is_on", text="", emboss=False, icon=icon)
 
@@ -46,12 +52,22 @@ class _LayersSection(Subsection):
         column.operator("scfpf.layer_move", text="", icon="TRIA_UP").direction = "UP"
         column.operator("scfpf.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
         layout.operator("scfpf.layer_check", icon="VIEWZOOM")
+        draw_picture(layout, settings.layer_image)
         row = layout.row(align=True)
         row.operator("scfpf.layers_render", icon="SHADING_RENDERED").camera = camera.name
         animation = row.operator("scfpf.layers_render", text="", icon="RENDER_ANIMATION")
         animation.camera, animation.animation = camera.name, True
         if settings.active_layer < len(settings.layers):
             draw_layer(layout, settings.layers[settings.active_layer])
+
+
+def draw_picture(layout, image) -> None:
+    """Draw the picture of layers small, and the button that shows it in an Image Editor."""
+    if image is None:
+        return
+    box = layout.box()
+    box.template_icon(icon_value=box.icon(image), scale=PICTURE)
+    box.operator("scfpf.layer_image_show", icon="IMAGE_DATA")
 
 
 def draw_layer(layout, layer) -> None:

@@ -209,7 +209,47 @@ def still_life():
     return scene
 
 
-PICTURES = {"layers-car": both_sides, "layers-car-cycles": both_sides, "layers-still": still_life}
+def around_view():
+    """The street with the car as it looks from its side: a blend by a map around a view."""
+    import bpy
+
+    from demo import render_demo
+
+    scene = render_demo.build_street()
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 2.4), 30.0)
+    side = add_camera(scene, "Side", (-6.3, -9.0, 4.5), (0.0, 0.0, 0.8), 30.0)
+    # The car is where the other camera shows it.
+    side.data.shift_y = 0.095
+    for camera in (street, side):
+        _select(camera)
+        bpy.ops.scfpf.camera_from_camera()
+    bpy.ops.scfpf.aim_view_add(camera=side.name, collection="Car")
+    _select(street, side)
+    bpy.ops.scfpf.camera_blend()
+    side.scfpf.aim_targets[0].width = 0.18
+    scene.camera.scfpf.blend_field.border = 0.1
+    bpy.ops.scfpf.blend_map(kind="VIEWS")
+    return scene
+
+
+def _select(*cameras) -> None:
+    """Select cameras alone, the last one active."""
+    import bpy
+
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    for camera in cameras:
+        camera.select_set(True)
+        bpy.context.view_layer.objects.active = camera
+
+
+PICTURES = {
+    "layers-blend": around_view,
+    "layers-car": both_sides,
+    "layers-car-cycles": both_sides,
+    "layers-still": still_life,
+}
 # Width and height of a picture by Cycles, and its samples, which are denoised.
 CYCLES_SIZE, CYCLES_SAMPLES = (640, 320), 32
 

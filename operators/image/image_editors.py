@@ -25,6 +25,18 @@ def image_editors(window_manager) -> list:
     return ours + empty + renders
 
 
+def reference_editor(context):
+    """An image space for an image to look at: one of this window before others; None without any."""
+    windows = sorted(context.window_manager.windows, key=lambda window: window != context.window)
+    spaces = (
+        area.spaces.active
+        for window in windows
+        for area in window.screen.areas
+        if area.ui_type == "IMAGE_EDITOR"
+    )
+    return next(spaces, None)
+
+
 def open_image_editor(context):
     """Make sure that an Image Editor is free where F12 would show its image; return its window.
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Cycles rig in a window: the button, F12 and Ctrl-F12, a farm without the add-on, and no remains."""
 
+import pathlib
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 import bpy
@@ -198,6 +201,31 @@ def farm_render(blend):
     return subprocess.Popen(command)
 
 
+def animation(driver, camera, thing, ended):
+    """Render the frame range into files as the button beside it does; return the counts of datablocks."""
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 2
+    thing.keyframe_insert("location", frame=1)
+    thing.location.x += 2.0
+    thing.keyframe_insert("location", frame=2)
+    scene.frame_set(1)
+    before = counts()
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="scfpf-frames-"))
+    scene.render.filepath = f"{folder}/at_##.png"
+    with driver.override():
+        invoked = bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name, animation=True)
+    assert invoked == {"RUNNING_MODAL"}
+    yield 0.5
+    yield from ended()
+    driver.shot("animation")
+    frames = sorted(folder.iterdir())
+    assert [path.name for path in frames] == ["at_01.png", "at_02.png"], frames
+    assert frames[0].read_bytes() != frames[1].read_bytes(), "the second frame is the first one"
+    assert scene.frame_current == 1 and counts() == before, (scene.frame_current, counts())
+    shutil.rmtree(folder)
+    return before
+
+
 def layers(driver):
     """Render Layers with Cycles: render by render, the picture in an editor, then Esc; nothing is left."""
     build_scene(percentage=8)
@@ -206,7 +234,7 @@ def layers(driver):
     scene.cycles.samples, scene.cycles.use_denoising = 2, False
     bpy.context.preferences.view.render_display_type = "AREA"
     camera = scene.camera
-    thing = next(obj for obj in scene.objects if obj.type == "MESH" and not obj.hide_render)
+    thing = bpy.data.objects["Cube"]
     group = bpy.data.collections.new("Thing")
     scene.collection.children.link(group)
     group.objects.link(thing)
@@ -232,6 +260,7 @@ def layers(driver):
     driver.shot("done")
     assert result() is not None and driver.pixels().reshape(-1, 4)[:, :3].std() > 0.02, "no picture"
     assert counts() == before, (before, counts())
+    before = yield from animation(driver, camera, thing, ended)
     kept = driver.pixels().copy()
     scene.world.color = (0.9, 0.1, 0.1)
     scene.cycles.samples = 3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edits of a camera's lists of surfaces, image mappings, targets of Aim and layers, with their animation.
+"""Edits of a camera's lists, such as those of surfaces, layers or targets of Aim, with their animation.
 
 F-curves and drivers refer to an item by its place in the list. Blender does not change them when items move.
 """
@@ -12,12 +12,14 @@ from typing import NoReturn
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
 SURFACES, MAPPINGS, AIM_TARGETS, LAYERS = "surfaces", "mappings", "aim_targets", "layers"
+BLEND_MORE = "blend_more"
 # The property of ``Object.scfpf`` with the index of each list's active item.
 ACTIVE = {
     SURFACES: "active_surface",
     MAPPINGS: "active_mapping",
     AIM_TARGETS: "active_aim",
     LAYERS: "active_layer",
+    BLEND_MORE: "active_blend",
 }
 
 

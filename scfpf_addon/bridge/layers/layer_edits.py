@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..blender.scene_objects import link_beside
+from .layer_colors import color_layers
 
 
 def add_layer(camera, collection, eye=None):
@@ -20,6 +21,7 @@ def add_layer(camera, collection, eye=None):
     layer = settings.layers.add()
     layer.name = next(free for free in names if free not in taken)
     layer.collection, layer.camera = collection, eye or _new_eye(camera, layer.name)
+    color_layers(settings.layers)
     settings.active_layer = len(settings.layers) - 1
     return layer
 

@@ -13,7 +13,7 @@ from ...shading.scene.motion import Moment
 from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border, FrameSettings
 from ..blender.scene_objects import absent_text
-from ..camera.camera_blend import unbaked
+from ..blends.camera_blend import unbaked
 from ..camera.ordinary_camera import depth_plane, frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection

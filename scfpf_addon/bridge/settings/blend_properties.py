@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The properties ``Object.scfpf.blend_field`` of a blend's map: where the second camera counts."""
+"""The properties ``Object.scfpf.blend_field`` of a blend's map: where the second camera counts.
+
+Further cameras have such a map each.
+"""
 
 from __future__ import annotations
 
 import bpy
 
-from ..camera.camera_blend import write_field
+from ..blends.camera_blend import write_field
 from .property_options import OVERRIDABLE, choice, number, pointer, switch, vector
 
 FIELD_KINDS = (
-    ("NONE", "Whole Picture", "The second camera counts everywhere"),
-    ("LINEAR", "Gradient", "The second camera counts on one side of a line"),
-    ("RADIAL", "Circle", "The second camera counts in a circle"),
-    ("RECTANGLE", "Rectangle", "The second camera counts in a rectangle, which may be turned"),
-    ("IMAGE", "Image", "The second camera counts where an image is white"),
+    ("NONE", "Whole Picture", "The camera counts everywhere"),
+    ("LINEAR", "Gradient", "The camera counts on one side of a line"),
+    ("RADIAL", "Circle", "The camera counts in a circle"),
+    ("RECTANGLE", "Rectangle", "The camera counts in a rectangle, which may be turned"),
+    ("IMAGE", "Image", "The camera counts where an image is white"),
+    ("VIEWS", "Around Views", "The camera counts around its views of Aim, and less with the distance"),
 )
 
 
@@ -28,9 +32,9 @@ _BAKED = _STATIC | {"options": {"ANIMATABLE"}}
 
 
 class SCFPF_BlendField(bpy.types.PropertyGroup):
-    """Where in the image of a camera made by Blend Cameras the second camera counts."""
+    """Where in the image of a camera made by Blend Cameras one of its cameras counts."""
 
-    kind: choice("Blend Map", "Where in the picture the second camera counts", FIELD_KINDS, "NONE", **_STATIC)
+    kind: choice("Blend Map", "Where in the picture the camera counts", FIELD_KINDS, "NONE", **_STATIC)
     center: vector(
         "Center",
         "Place of the map's middle, as shares of the picture's width and height from its lower left",
@@ -65,7 +69,8 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
     )
     border: number(
         "Border",
-        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam",
+        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam. Around views it "
+        "lies outside",
         0.2,
         0.0,
         4.0,
@@ -80,7 +85,18 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
         bpy.types.Image,
         **(_STATIC | {"options": {"ANIMATABLE"}}),
     )
-    is_inverted: switch("Invert", "Exchange the two cameras", False, **_STATIC)
+    is_inverted: switch("Invert", "Let the camera count where it did not, and the reverse", False, **_STATIC)
+    weight: number(
+        "Weight",
+        "Strength of the camera in its map; where the strengths of cameras add up to more than 1, they share",
+        1.0,
+        0.0,
+        100.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        **_BAKED,
+    )
 
 
 CLASSES = (SCFPF_BlendField,)

@@ -16,8 +16,8 @@ from bpy.props import (
 )
 
 from ...projection.volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
+from ..blends.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from ..camera import flexible_camera
-from ..camera.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
@@ -165,6 +165,18 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
         poll=_may_be_end,
     )
     preset: text("Preset", "File name of the preset at Blend 1, if no camera is chosen")
+
+
+class SCFPF_BlendFurther(bpy.types.PropertyGroup):
+    """A further camera of a blend. Only ``slot_animation`` may remove one."""
+
+    camera: pointer(
+        "Further Camera",
+        "A further flexible camera of the blend. Press Update Blend after choosing another one",
+        bpy.types.Object,
+        poll=_may_be_end,
+    )
+    field: pointer("Map", "Where in the picture the further camera counts", SCFPF_BlendField)
 
 
 class _Display:
@@ -342,6 +354,19 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     blend_field: pointer(
         "Blend Map", "Where in the picture the second camera of a blend counts", SCFPF_BlendField
     )
+    blend_more: CollectionProperty(
+        name="Further Cameras",
+        description="Cameras of a blend besides the first two, each with a map",
+        type=SCFPF_BlendFurther,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_blend: IntProperty(
+        name="Active Further Camera",
+        description="The further camera that is selected in the list",
+        default=0,
+        min=0,
+        **STATIC,
+    )
     aim_targets: CollectionProperty(
         name="Aim Targets",
         description="The views, pins, lines and stays that Solve aims the picture at",
@@ -368,6 +393,12 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         default=0,
         min=0,
         **STATIC,
+    )
+    layer_image: pointer(
+        "Picture of Layers",
+        "The image by Check Layers that shows in colors which layer each pixel belongs to",
+        bpy.types.Image,
+        options=set(),
     )
     pixel_error: number(
         "Pixel Error",
@@ -417,7 +448,13 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (SCFPF_SurfaceSlot, SCFPF_SurfaceSettings, SCFPF_BlendEnds, SCFPF_CameraSettings)
+CLASSES = (
+    SCFPF_SurfaceSlot,
+    SCFPF_SurfaceSettings,
+    SCFPF_BlendEnds,
+    SCFPF_BlendFurther,
+    SCFPF_CameraSettings,
+)
 
 
 def register():

@@ -81,6 +81,15 @@ class SCFPF_ImageLayer(bpy.types.PropertyGroup):
         soft_max=10.0,
         subtype="DISTANCE",
     )
+    color: vector(
+        "Color",
+        "Color of the layer in the picture of Check Layers",
+        (0.0, 0.0, 0.0),
+        0.0,
+        1.0,
+        subtype="COLOR_GAMMA",
+        **STATIC,
+    )
     share: number(
         "Share",
         "Share of the picture in which the layer is seen; -1 before Check Layers",

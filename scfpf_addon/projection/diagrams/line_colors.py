@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colours of the lines of a volume, by their role and by the background."""
+"""The colours of the lines of a volume, by their role and by the background, and of layers in an image."""
 
 from __future__ import annotations
 
@@ -16,6 +16,19 @@ Role: TypeAlias = Literal[
     "ISO", "SURFACE", "FOLDED", "PROJECTOR", "FOLD", "FAR", "SAFE", "FRAME", "U", "V", "PICK"
 ]
 Color: TypeAlias = tuple[float, float, float, float]
+
+# Display colours of layers in an image, of what is in no layer, and of empty pixels: about those of Okabe and
+# Ito (Color Universal Design, 2008). They differ for colour-blind eyes as well.
+LAYERS = (
+    (0.90, 0.62, 0.00),
+    (0.34, 0.71, 0.91),
+    (0.78, 0.28, 0.00),
+    (0.98, 0.94, 0.45),
+    (0.00, 0.45, 0.70),
+    (0.94, 0.58, 0.70),
+    (0.00, 0.58, 0.42),
+)
+REST, EMPTY = (0.30, 0.30, 0.30), (0.08, 0.08, 0.08)
 
 # Display colours (sRGB), red green blue alpha, for dark and for light backgrounds. Blender's
 # light theme has a 3D viewport of medium grey: the bright colours serve it too. What may lie

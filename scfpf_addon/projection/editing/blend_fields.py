@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fields of factors over an image: where the second of two blended projections counts, and how much.
+"""Fields of factors over an image: where one of several blended projections counts, and how much.
 
 Distances are shares of the image's width. A border of width w goes from 0 to 1 as the cubic 3p² - 2p³.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..typing import Array
 
-FieldKind = Literal["LINEAR", "RADIAL", "RECTANGLE", "IMAGE"]
+FieldKind = Literal["LINEAR", "RADIAL", "RECTANGLE", "IMAGE", "VIEWS"]
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,12 @@ class BlendField:
     """A field of factors in [0, 1] over an image.
 
     kind: LINEAR, 1 beyond a line through the centre; RADIAL, 1 within a circle; RECTANGLE, 1 within a turned
-    rectangle; IMAGE, that of pixels. centre: (2,) shares of the image's width and height, from its lower
-    left. size: (2,) shares of the image's width and height, of the rectangle; the first is the circle's
-    diameter. angle: radians counterclockwise; that of the direction in which a linear field grows, or of the
-    rectangle. border: width of the transition, half of it inside. pixels: (H, W) in [0, 1], row 0 at the
-    bottom. is_inverted: whether 0 and 1 change places.
+    rectangle; IMAGE, that of pixels; VIEWS, 1 within each of several circles. centre: (2,) shares of the
+    image's width and height, from its lower left. size: (2,) shares of the image's width and height, of the
+    rectangle; the first is the circle's diameter. angle: radians counterclockwise; that of the direction in
+    which a linear field grows, or of the rectangle. border: width of the transition, half of it inside; with
+    VIEWS all of it is outside. pixels: (H, W) in [0, 1], row 0 at the bottom. is_inverted: whether 0 and 1
+    change places. circles: at least one for VIEWS: the centre, as ``centre``, and the diameter.
     """
 
     kind: FieldKind
@@ -35,6 +36,7 @@ class BlendField:
     border: float = 0.2
     pixels: Array | None = None
     is_inverted: bool = False
+    circles: tuple[tuple[float, float, float], ...] = ()
 
     def factors(self, x: Array, y: Array, aspect: float) -> Array:
         """The factors at image positions x, y in [0, 1], (N,). aspect: width over height of the image."""
@@ -61,14 +63,21 @@ class BlendField:
 
         x, y: (N,) image positions. aspect: width over height of the image.
         """
+        if self.kind == "VIEWS":
+            within = [
+                0.5 * (wide + max(self.border, 0.0)) - np.hypot(x - left, (y - low) / aspect)
+                for left, low, wide in self.circles
+            ]
+            nearest: Array = np.max(within, axis=0)
+            return nearest[None]
         across, up = x - self.centre[0], (y - self.centre[1]) / aspect
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         along: Array = cosine * across + sine * up
         if self.kind == "LINEAR":
             return along[None]
         if self.kind == "RADIAL":
-            within: Array = 0.5 * self.size[0] - np.hypot(across, up)
-            return within[None]
+            inside: Array = 0.5 * self.size[0] - np.hypot(across, up)
+            return inside[None]
         beside = cosine * up - sine * across
         wide, high = 0.5 * self.size[0], 0.5 * self.size[1] / aspect
         return np.stack([wide - along, wide + along, high - beside, high + beside])
@@ -83,6 +92,15 @@ class BlendField:
         off = np.stack([-levels[:2].min(axis=0), -levels[2:].min(axis=0)])
         signed: Array = -np.hypot(*np.maximum(off, 0.0)) - np.minimum(off.max(axis=0), 0.0)
         return signed
+
+
+def normalised(weights: Array) -> Array:
+    """Weights (K, N) of projections blended with another one, divided by their sum where that is above 1.
+
+    The other projection has the rest, so that all weights add up to 1.
+    """
+    shares: Array = weights / np.maximum(weights.sum(axis=0), 1.0)
+    return shares
 
 
 def bilinear(pixels: Array, x: Array, y: Array) -> Array:

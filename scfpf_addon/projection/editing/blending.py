@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two projections as control surfaces of the same number and kind, to be blended point by point.
+"""Projections as control surfaces of the same number and kind, to be blended point by point.
 
-If the projectors of both are Bézier curves, they become curves of one degree, which is exact. Otherwise both
+If the projectors of all are Bézier curves, they become curves of one degree, which is exact. Otherwise all
 become polylines. The control points that the image shows become grids over the same parameters, or triangles
 that are cut along seams.
 """
@@ -37,15 +37,15 @@ STEPS = 4
 
 
 class BlendError(ValueError):
-    """Two projections that cannot be blended; the message says what to do."""
+    """Projections that cannot be blended; the message says what to do."""
 
 
 @dataclass(frozen=True)
 class Blend:
-    """Two volumes point by point.
+    """Volumes point by point.
 
-    basis: of the projectors. layers: from near to far, (2, R, C, 3) each: the points of both, rows along v;
-    with a mesh (2, V, 3), those of its vertices. polar: whether u and v are those of a polar image; else they
+    basis: of the projectors. layers: from near to far, (P, R, C, 3) each: the points of all P, rows along v;
+    with a mesh (P, V, 3), those of its vertices. polar: whether u and v are those of a polar image; else they
     are the image's x and y. error: about the distance of the grids and polylines from the volumes, as a share
     of the size. mesh: of the image, cut along seams; None for grids.
     """
@@ -58,27 +58,26 @@ class Blend:
 
 
 def blended(
-    first: Projection,
-    second: Projection,
+    ends: Sequence[Projection],
     least_faces: int = 1,
     seams: Sequence[BlendField] = (),
     aspect: float = 1.0,
 ) -> Blend:
-    """Return two projections as control surfaces of the same number and kind, in their own space.
+    """Return projections as control surfaces of the same number and kind, in their own space.
 
-    least_faces: of the grids along each axis, at most SHARP_FACES. Two polar images without mappings give a
-    polar blend. seams: sharp fields, whose borders cut the image, of this aspect, unless the blend is polar.
+    least_faces: of the grids along each axis, at most SHARP_FACES. Polar images without mappings give a polar
+    blend. seams: sharp fields, whose borders cut the image, of this aspect, unless the blend is polar.
     Raises BlendError where one image has holes.
     """
-    polar = all(isinstance(p.reparameterisation, Polar) for p in (first, second))
-    basis, matrices, times = _common(first, second)
+    polar = all(isinstance(p.reparameterisation, Polar) for p in ends)
+    basis, matrices, times = _common(ends)
     if seams and not polar:
-        ends = tuple(zip((first, second), matrices, strict=True))
-        return _with_seams(basis, ends, times, least_faces, seams, aspect)
+        pairs = tuple(zip(ends, matrices, strict=True))
+        return _with_seams(basis, pairs, times, least_faces, seams, aspect)
     if seams:
         least_faces = SHARP_FACES
     for faces in (count for count in FACES if count >= least_faces):
-        points = [_points(p, matrices[k], times, faces, polar) for k, p in enumerate((first, second))]
+        points = [_points(p, matrices[k], times, faces, polar) for k, p in enumerate(ends)]
         off = [_bend(p) for p in points]
         if max(off) <= GRID_ERROR:
             break
@@ -95,7 +94,7 @@ def _with_seams(
     seams: Sequence[BlendField],
     aspect: float,
 ) -> Blend:
-    """The blend of two projections on triangles that are cut along seams. ends: each with its matrix."""
+    """The blend of projections on triangles that are cut along seams. ends: each with its matrix."""
     for faces in (count for count in FACES if count >= least_faces):
         mesh = seam_mesh(seams, aspect, faces)
         points = [_points_at(p, matrix, times, mesh.inner.T) for p, matrix in ends]
@@ -111,9 +110,9 @@ def _with_seams(
     return Blend(basis, layers, False, max(off), mesh)
 
 
-def _common(first: Projection, second: Projection) -> tuple[BasisKind, list[Array | None], Array]:
-    """The basis of both, and how their layers are made: from control points by matrices, or at times t."""
-    spans = [p.volume.spans for p in (first, second)]
+def _common(ends: Sequence[Projection]) -> tuple[BasisKind, list[Array | None], Array]:
+    """The basis of all, and how their layers are made: from control points by matrices, or at times t."""
+    spans = [p.volume.spans for p in ends]
     if all(len(s.matrices) == 1 and s.point_weights is None for s in spans):
         degree = max(s.degree for s in spans)
         return "BEZIER", [_elevation(s.degree, degree) @ s.matrices[0] for s in spans], np.zeros(0)
@@ -123,7 +122,7 @@ def _common(first: Projection, second: Projection) -> tuple[BasisKind, list[Arra
     if not straight or pieces > MOST_PIECES:
         pieces *= max(1, -(-FEWEST_PIECES // pieces))
     pieces = min(pieces, MOST_PIECES)
-    return "POLYLINE", [None, None], np.linspace(0.0, 1.0, pieces + 1)
+    return "POLYLINE", [None] * len(ends), np.linspace(0.0, 1.0, pieces + 1)
 
 
 def _elevation(degree: int, wanted: int) -> Array:

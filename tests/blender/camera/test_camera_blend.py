@@ -95,7 +95,7 @@ def test_what_has_holes_is_not_blended_and_nothing_is_left(camera):
 
 
 def test_a_blend_shows_its_factor(addon, camera):
-    is_blend = addon("bridge.camera.camera_blend").is_blend
+    is_blend = addon("bridge.blends.camera_blend").is_blend
     assert not is_blend(camera)
     assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
     assert is_blend(bpy.context.object)

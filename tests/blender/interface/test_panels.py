@@ -99,7 +99,8 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden |= {"report", "statistics", "frame_sizes"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends", "blend_field"}
-    hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer"}
+    hidden |= {"blend_more", "active_blend"}
+    hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer", "layer_image"}
     # An operator switches it, which also looks through the camera.
     hidden |= {"show_live"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
@@ -336,6 +337,11 @@ def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
     assert shown[shown.index("blend_factor") :][:3] == ["blend_factor", "first", "second"]
     assert any("To the preset Orthographic" in str(entry) for entry in record)
     assert any("scfpf.blend_update" in str(entry) for entry in record)
+    assert ("list", "SCFPF_UL_blend") not in record
+    bpy.context.object.scfpf.blend_more.add().camera = camera
+    record = drawn(main)
+    assert ("list", "SCFPF_UL_blend") in record and ("operator", "scfpf.blend_camera_remove") in record
+    assert [entry[1] for entry in record].count("scfpf.blend_map") == 2
 
 
 def test_a_blend_shows_the_settings_of_its_map(camera):
@@ -348,7 +354,11 @@ def test_a_blend_shows_the_settings_of_its_map(camera):
         "RADIAL": {"center", "size", "border", "is_inverted"},
         "RECTANGLE": {"center", "size", "angle", "border", "is_inverted"},
         "IMAGE": {"is_inverted"},
+        "VIEWS": {"border", "is_inverted"},
     }
+    view = bpy.data.objects["Flexible Camera"]
+    view.scfpf.aim_targets.add()
+    bpy.context.object.scfpf.blend_ends.second = view
     for kind, names in wanted.items():
         assert bpy.ops.scfpf.blend_map(kind=kind) == {"FINISHED"}
         record = drawn(main)

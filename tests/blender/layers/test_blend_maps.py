@@ -165,7 +165,7 @@ def test_sharp_seams_of_nested_blends_are_exact(camera, seen, addon, tmp_path):
     assert away.sum() > 350 and boxes[0].sum() > 50 and boxes[1].sum() > 50
     wanted = np.where(boxes[1], ends[1], np.where(boxes[0], ends[0], ends[2]))
     assert is_near(seen(blend)[0], wanted, away, 1e-3)
-    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    assert not addon("bridge.blends.camera_blend").is_too_coarse(blend)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "seams.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "seams.blend"))
     blend = bpy.context.scene.camera
@@ -179,12 +179,12 @@ def test_sharp_seams_of_nested_blends_are_exact(camera, seen, addon, tmp_path):
     assert is_near(seen(blend)[0], np.where(boxes[1], below, ends[1]), away, 1e-3)
     # Another place needs other cuts: the panel says so, and Update Blend makes them.
     blend.scfpf.blend_field.is_inverted, blend.scfpf.blend_field.center = False, (0.55, 0.6)
-    assert addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    assert addon("bridge.blends.camera_blend").is_too_coarse(blend)
     assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
-    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    assert not addon("bridge.blends.camera_blend").is_too_coarse(blend)
     blend.scfpf.blend_field.border = 0.3
     assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
-    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    assert not addon("bridge.blends.camera_blend").is_too_coarse(blend)
 
 
 def test_keyframes_of_a_map_are_baked_into_shapes(camera, seen, addon, tmp_path):
@@ -203,7 +203,7 @@ def test_keyframes_of_a_map_are_baked_into_shapes(camera, seen, addon, tmp_path)
     for frame, x in ((1, 0.2), (13, 0.7)):
         field.center = x, 0.5
         field.keyframe_insert("center", frame=frame)
-    unbaked = addon("bridge.camera.camera_blend").unbaked
+    unbaked = addon("bridge.blends.camera_blend").unbaked
     assert "press Bake Map" in unbaked(blend)
     assert bpy.ops.scfpf.blend_map_bake(start=1, end=13) == {"FINISHED"}
     assert unbaked(blend) == ""
@@ -247,7 +247,7 @@ def test_keyframes_of_a_map_are_baked_into_shapes(camera, seen, addon, tmp_path)
 
 def test_few_frames_of_a_map_are_kept(addon):
     """Straight stretches need their ends alone, and nothing is off by more than the tolerance."""
-    module = addon("bridge.camera.blend_bake")
+    module = addon("bridge.blends.blend_bake")
     time = np.linspace(0, 1, 41)[:, None]
     values = np.where(time < 0.5, time, 1.0 - time) * np.linspace(0, 1, 7)
     assert module.kept_frames(values) == [0, 20, 40]

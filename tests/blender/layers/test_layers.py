@@ -401,3 +401,48 @@ def test_pick_and_find_see_layers(scene):
     size = image.shape[1], image.shape[0]
     box = columns.min() / size[0], rows.min() / size[1], columns.max() / size[0], rows.max() / size[1]
     np.testing.assert_allclose((left, low, right, high), box, atol=0.05)
+
+
+def test_a_picture_shows_which_layer_each_pixel_belongs_to(scene, tmp_path):
+    """Colors of the list where the engine's Object Index has the layer's thing; files keep them."""
+    scene.render.resolution_x, scene.render.resolution_y = 320, 180
+    bpy.context.view_layer.use_pass_object_index = True
+    layers = scene.camera.scfpf.layers
+    for name, number in (("Thing", 1), ("Wall", 2)):
+        bpy.data.objects[name].pass_index = number
+    add("DEPTH")
+    walls = bpy.data.collections.new("Walls")
+    scene.collection.children.link(walls)
+    walls.objects.link(bpy.data.objects["Wall"])
+    add("DEPTH", collection="Walls")
+    layers[1].color = 0.0, 0.0, 1.0
+    assert not bpy.ops.scfpf.layer_image_show.poll()
+    assert bpy.ops.scfpf.layer_check(camera="Master") == {"FINISHED"}
+    passes = f12(scene)
+    index = passes["ViewLayer.Object Index" if bpy.app.version >= (5, 0, 0) else "ViewLayer.IndexOB"][..., 0]
+
+    def check():
+        settings = bpy.data.objects["Master"].scfpf
+        image = settings.layer_image
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        pixels = pixels.reshape(180, 320, 4)[..., :3]
+        off = 0
+        for number, color in enumerate(((0.5, 0.5, 0.5), *(layer.color for layer in settings.layers))):
+            there = pixels[index == number]
+            assert len(there) > 1000
+            # The light varies, the color's direction does not.
+            along = (there @ np.array(color)) / np.linalg.norm(there, axis=1) / np.linalg.norm(color)
+            off += (along < 0.999).sum()
+        assert off < 0.01 * index.size
+
+    check()
+    assert tuple(layers[1].color) == (0.0, 0.0, 1.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "picture.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "picture.blend"))
+    check()
+    before = {image.name for image in bpy.data.images}
+    assert bpy.ops.scfpf.layer_check(camera="Master") == {"FINISHED"}
+    assert {image.name for image in bpy.data.images} == before
+    check()
+    assert bpy.ops.scfpf.layer_image_show.poll()

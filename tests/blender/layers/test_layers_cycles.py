@@ -355,3 +355,59 @@ def test_an_animation_writes_frames(scene, tmp_path):
     assert np.abs(first - last).max() > 0.1
     with pytest.raises(RuntimeError, match="there is no folder"):
         layered(filepath=str(tmp_path / "nowhere" / "a.png"))
+
+
+REST = {"Thing", "Wall", "Floor"}
+
+
+def over(rest, *own):
+    """Images (H, W, 4) with alpha over another one, the first on top; and where none has an outline."""
+    found, solid = rest, np.ones(rest.shape[:2], bool)
+    for image in reversed(own):
+        found = image + found * (1 - image[..., 3:])
+        solid &= (image[..., 3] == 0) | (image[..., 3] == 1)
+    return found, solid
+
+
+def test_eight_layers_lie_over_one_another_in_the_order_of_the_list(scene):
+    scene.cycles.samples = 2
+    for k in range(8):
+        place = np.array((-4.0 + k, 1.0, 0.5))
+        bpy.ops.mesh.primitive_cube_add(location=place, size=1.4)
+        bpy.context.object.name = f"Cube {k}"
+        glowing(f"Cube {k}", (0.1 + k / 8, 1 - k / 8, 0.2 + k % 3 / 4))
+        collected(f"Layer {k}", f"Cube {k}")
+        beside = place + np.array(((k % 4 - 1.5) * 0.9, 0.0, (k // 4 - 0.5) * 1.1))
+        new_camera(f"Eye {k}", looking(beside + np.array((0.5, -6.0, 1.0)), beside))
+    own = [alone(scene, {f"Cube {k}"}, f"Eye {k}", transparent=True) for k in range(8)]
+    wanted, solid = over(alone(scene, REST), *own)
+    for k in range(8):
+        add("ORDER", f"Layer {k}", f"Eye {k}")
+    off = np.abs(layered() - wanted).max(axis=2)
+    # Each is seen somewhere, and some lie over others.
+    depth = np.cumsum([each[..., 3] > 0 for each in own], axis=0)
+    for each, count in zip(own, depth, strict=True):
+        assert ((each[..., 3] == 1) & (count == 1)).sum() > 10
+    assert (depth[-1] > 1).sum() > 50
+    assert solid.mean() > 0.6 and off[solid].max() < 1e-4
+    assert off.mean() < 0.02
+
+
+def test_a_layer_shows_a_collection_of_a_library(scene, tmp_path):
+    scene.cycles.samples = 2
+    bpy.ops.mesh.primitive_cube_add(location=(-2, 0, 0.5))
+    bpy.context.object.name = "Guest"
+    glowing("Guest", (0.2, 0.9, 0.4))
+    collected("Guests", "Guest")
+    new_camera("Side", looking((-7, -5, 4), (-2.3, 0, 0.2)))
+    own = alone(scene, {"Guest"}, "Side", transparent=True)
+    wanted, solid = over(alone(scene, REST), own)
+    path = str(tmp_path / "guests.blend")
+    bpy.data.libraries.write(path, {bpy.data.collections["Guests"]})
+    bpy.data.batch_remove([bpy.data.collections["Guests"], bpy.data.objects["Guest"]])
+    with bpy.data.libraries.load(path, link=True) as (_, here):
+        here.collections = ["Guests"]
+    scene.collection.children.link(here.collections[0])
+    assert add("ORDER", "Guests").collection.library is not None
+    off = np.abs(layered() - wanted).max(axis=2)
+    assert (own[..., 3] == 1).mean() > 0.03 and off[solid].max() < 1e-4

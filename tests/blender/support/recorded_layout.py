@@ -39,7 +39,9 @@ class RecordingLayout:
         return RecordingLayout(self.record), RecordingLayout(self.record)
 
     def operator_menu_enum(self, idname, prop, **_options):
-        setattr(self.operator(idname), prop, None)
+        properties = self.operator(idname)
+        setattr(properties, prop, None)
+        return properties
 
     def menu(self, idname, **_options):
         assert hasattr(bpy.types, idname), idname
@@ -57,6 +59,10 @@ class RecordingLayout:
     def progress(self, factor, text):
         assert 0 <= factor <= 1
         self.record.append(("progress", text))
+
+    def icon(self, datablock):
+        assert isinstance(datablock, bpy.types.ID)
+        return 1
 
     def separator(self, **_options):
         pass

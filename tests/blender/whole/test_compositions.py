@@ -94,7 +94,7 @@ def test_nested_blends(addon, name, count):
     assert image.mirrored() <= MIRRORED
     if name == "portrait":
         assert all(each.scfpf.blend_field.border == 0 for each in blends)
-        cut = addon("bridge.camera.camera_blend").is_too_coarse
+        cut = addon("bridge.blends.camera_blend").is_too_coarse
         assert not any(cut(each) for each in blends)
 
 

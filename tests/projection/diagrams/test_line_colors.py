@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colours of lines side by side differ, also for eyes without one of the cones.
+"""The colours of lines side by side and of layers differ, also for eyes without one of the cones.
 
 Protanopia and deuteranopia are simulated after Viénot, Brettel and Mollon, Digital Video Colourmaps for
 Checking the Legibility of Displays by Dichromats (Color Research and Application 24, 1999). Differences are
@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.diagrams.line_colors import BRIGHT, DARK
+from scfpf_addon.projection.diagrams.line_colors import BRIGHT, DARK, EMPTY, LAYERS, REST
 
 SIDE_BY_SIDE = ("SURFACE", "PROJECTOR", "FOLD", "U", "V", "PICK")
 # Ten times a just noticeable difference of about 2.
@@ -56,3 +56,9 @@ def test_lines_side_by_side_differ_for_every_eye(colors, eye):
     for one, other in itertools.combinations(SIDE_BY_SIDE, 2):
         difference = np.linalg.norm(lab(seen(colors[one], eye)) - lab(seen(colors[other], eye)))
         assert difference >= DIFFERENT, (one, other)
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_layers_differ_for_every_eye(eye):
+    for one, other in itertools.combinations((*LAYERS, REST, EMPTY), 2):
+        assert np.linalg.norm(lab(seen(one, eye)) - lab(seen(other, eye))) >= DIFFERENT, (one, other)

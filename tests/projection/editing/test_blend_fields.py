@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.editing.blend_fields import BlendField, bilinear
+from scfpf_addon.projection.editing.blend_fields import BlendField, bilinear, normalised
 
 ASPECT = 2.0
 
@@ -64,3 +64,19 @@ def test_an_image_is_bilinear_between_the_middles_of_its_pixels():
     assert field.factors(x, y, ASPECT) == pytest.approx(wanted)
     turned = BlendField("IMAGE", pixels=plane, is_inverted=True)
     assert turned.factors(x, y, ASPECT) == pytest.approx(1 - wanted)
+
+
+def test_around_views_a_field_is_one_and_falls_off_outside():
+    """In a circle 1, half way through its border a half, beyond that 0; the nearer of two counts."""
+    field = BlendField("VIEWS", border=0.1, circles=((0.2, 0.5, 0.2), (0.8, 0.5, 0.1)))
+    assert at(field, (0.2, 0.5), (0.299, 0.5), (0.35, 0.5), (0.401, 0.5)) == pytest.approx(
+        [1, 1, 0.5, 0], abs=1e-3
+    )
+    # The image is half as high as wide.
+    assert at(field, (0.8, 0.5 + 0.1 * ASPECT), (0.8, 0.5 + 0.151 * ASPECT)) == pytest.approx([0.5, 0])
+
+
+def test_weights_are_divided_by_their_sum_only_above_one():
+    weights = np.array([[0.2, 1.0, 3.0, 0.0], [0.3, 1.0, 1.0, 0.0]])
+    wanted = [[0.2, 0.5, 0.75, 0.0], [0.3, 0.5, 0.25, 0.0]]
+    assert np.allclose(normalised(weights), wanted, rtol=1e-15, atol=0)

@@ -44,7 +44,7 @@ DISCS = ViewingVolume((Disc(0.1), Disc(2.0)))
 )
 def test_each_half_of_a_blend_is_one_of_the_two(first, second, basis, layers, share):
     projections = Projection(first, aspect=2.0), Projection(second, aspect=2.0)
-    blend = blended(*projections)
+    blend = blended(projections)
     assert (blend.basis, len(blend.layers), blend.polar) == (basis, layers, False)
     x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
     for half, projection in enumerate(projections):
@@ -57,7 +57,7 @@ def test_each_half_of_a_blend_is_one_of_the_two(first, second, basis, layers, sh
 def test_ranges_and_mappings_become_part_of_the_grids():
     mapped = Stack((Distortion((-0.05, 0.0, 0.0)),), Rectangle())
     projection = Projection(STRAIGHT, mapped, (0.25, 0.75), (0.5, 1.0), aspect=2.0)
-    blend = blended(projection, Projection(BALLS, aspect=2.0))
+    blend = blended((projection, Projection(BALLS, aspect=2.0)))
     x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
     image = projection.parameters(x, y)
     wanted = projection.volume.evaluate(image.u, image.v, t).position
@@ -67,7 +67,7 @@ def test_ranges_and_mappings_become_part_of_the_grids():
 
 
 def test_polar_images_stay_polar():
-    blend = blended(Projection(DISCS, Polar()), Projection(DISCS, Polar(), (0.0, 0.5)))
+    blend = blended((Projection(DISCS, Polar()), Projection(DISCS, Polar(), (0.0, 0.5))))
     assert blend.polar and len(blend.layers) == 2
     u = np.linspace(0, 1, 50)
     far = Grid(blend.layers[1][0]).evaluate(u, np.ones(50)).position
@@ -79,7 +79,7 @@ def test_polar_images_stay_polar():
 def test_empty_parts_cannot_be_blended():
     empty = Stack((Distortion((0.5, 0.0, 0.0)),), Rectangle())
     with pytest.raises(BlendError, match="empty parts"):
-        blended(Projection(STRAIGHT, empty), Projection(BENT))
+        blended((Projection(STRAIGHT, empty), Projection(BENT)))
 
 
 def test_a_seam_leaves_each_projection_whole_up_to_it():
@@ -88,7 +88,7 @@ def test_a_seam_leaves_each_projection_whole_up_to_it():
     x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
     for second, most, share in ((CORNERED, 60, 1e-9), (BALLS, 10000, 1e-3)):
         ends = Projection(STRAIGHT, aspect=2.0), Projection(second, aspect=2.0)
-        blend = blended(*ends, seams=(seam,), aspect=2.0)
+        blend = blended(ends, seams=(seam,), aspect=2.0)
         chart = UVChart(blend.mesh.places[blend.mesh.triangles], blend.mesh.triangles)
         assert len(blend.mesh.triangles) <= most
         for half, projection in enumerate(ends):

@@ -14,14 +14,12 @@ from ...projection.editing.blending import BlendError
 from ...projection.typing import Array
 from .camera_blend import (
     BAKED,
-    FIRST_KEY,
     SECOND_KEY,
-    WHOLE_KEY,
     blend_surfaces,
     drive,
-    field_factors,
-    points_of,
-    read_field,
+    end_weights,
+    mixed,
+    read_fields,
     write_field,
 )
 
@@ -48,15 +46,16 @@ def bake_map(camera, scene, start: int, end: int) -> int:
     try:
         for frame in frames:
             scene.frame_set(frame)
-            field = read_field(camera)
+            fields = read_fields(camera)
+            is_known = all(field is not None or end.settings.kind == "NONE" for end, field in fields)
             for own, surface in zip(factors, surfaces, strict=True):
-                found = None if field is None else field_factors(camera, surface, field)
+                found = end_weights(camera, surface, fields) if is_known else None
                 if found is None:
                     raise BlendError(NO_FIELD.format(camera.name, frame))
                 own.append(found)
     finally:
         scene.frame_set(now)
-    kept = kept_frames(np.array(factors[0]))
+    kept = kept_frames(np.array(factors[0]).reshape(len(frames), -1))
     for own, surface in zip(factors, surfaces, strict=True):
         _add_shapes(camera, surface, [frames[k] for k in kept], [own[k] for k in kept])
     return len(kept)
@@ -80,10 +79,9 @@ def kept_frames(values: Array) -> list[int]:
 
 def _add_shapes(camera, surface, frames: Sequence[int], factors: Sequence[Array]) -> None:
     blocks = surface.data.shape_keys.key_blocks
-    first, whole = (points_of(blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
     for k, (frame, own) in enumerate(zip(frames, factors, strict=True)):
         key = surface.shape_key_add(name=f"{BAKED} {frame}", from_mix=False)
-        points = first + own.astype(np.float32)[:, None] * (whole - first)
+        points = mixed(surface, own)
         key.data.foreach_set("co", np.ascontiguousarray(points, np.float32).ravel())
         drive(key, camera, hat(frames[max(k - 1, 0)], frame, frames[min(k + 1, len(frames) - 1)]))
     blocks[SECOND_KEY].mute = True

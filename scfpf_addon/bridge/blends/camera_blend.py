@@ -1,41 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera between two others: its surfaces are grids of two shapes, mixed by one animatable factor.
+"""A camera between others: its surfaces are grids of two shapes, mixed by one animatable factor.
 
-The shapes are shape keys that drivers mix: files need no Python to play the animation. With a field of
-factors over the image the second shape is that of the second camera only where the field is 1. A third shape,
-which nothing mixes, then keeps the whole of it. A field without a border has a seam: the surfaces are then UV
-meshes that are cut along it.
+The shapes are shape keys that drivers mix: files need no Python to play the animation. The first shape is
+that of the first camera. With fields of factors over the image the second shape is the mean of the cameras by
+their weights. Further shapes, which nothing mixes, then keep each of the other cameras whole. A field without
+a border has a seam: the surfaces are then UV meshes that are cut along it.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 
 import bpy
 import numpy as np
 
-from ...projection.editing.blend_fields import BlendField
-from ...projection.editing.blending import SHARP_FACES, SMOOTH_FACES, Blend
+from ...projection.editing.blend_fields import BlendField, normalised
+from ...projection.editing.blending import Blend
 from ...projection.editing.seam_mesh import SeamMesh
 from ...projection.editing.volume_edits import lattice
 from ...projection.surfaces.uv_chart import UVChart
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.typing import Array
 from ...projection.volume.reparameterisation import Polar
-from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import link_beside
-from ..blender.slot_animation import curve_collections
-from .flexible_camera import NewSurface, replace_surfaces
+from ..camera.flexible_camera import NewSurface, replace_surfaces
+from .blend_ends import End, ends_of, is_map_animated, least_faces, own_seams, read_field
 
 # Range of the factor: 0 is the first camera, 1 the second one.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
 FIRST_KEY, SECOND_KEY = "First Camera", "Second Camera"
 WHOLE_KEY = "Second Camera, Everywhere"
+# Of the shape that keeps a further camera: number and all.
+FURTHER_KEY = re.compile(r"Camera \d+, Everywhere")
 # The attribute of vertices within the field along whose border a mesh is cut, and the custom property with
-# that field's numbers.
+# that field's numbers; of further cameras their number follows.
 WITHIN, SEAM = "SCFPF Within", "scfpf_seam"
-# The first words of the shapes that Bake Map makes, and the path of what it bakes.
-BAKED, FIELD_PATH = "Baked Map", "scfpf.blend_field."
+# The first words of the shapes that Bake Map makes.
+BAKED = "Baked Map"
 FACTOR_PATH = "scfpf.blend_factor"
 
 
@@ -45,12 +48,6 @@ def is_blend(camera) -> bool:
     near = slots[0].object if len(slots) else None
     keys = near.data.shape_keys if near is not None and near.type == "MESH" else None
     return keys is not None and SECOND_KEY in keys.key_blocks
-
-
-def knows_its_ends(camera) -> bool:
-    """Return whether both ends of a camera's blend are known."""
-    ends = camera.scfpf.blend_ends
-    return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
 
 def new_blend_camera(first, name: str):
@@ -90,42 +87,8 @@ def set_blend(camera, blend: Blend, aspect: float) -> None:
     camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
     camera.scfpf.fitted_aspect = aspect
     if blend.mesh is not None:
-        _note_seam(camera, blend.mesh)
+        _note_seams(camera, blend.mesh)
     write_field(camera)
-
-
-def least_faces(camera) -> int:
-    """The least number of faces along each axis of a blend camera's grids, for its field."""
-    settings = camera.scfpf.blend_field
-    if settings.kind == "NONE":
-        return 1
-    if settings.border <= 0.0 and settings.kind != "IMAGE" and not is_map_animated(camera):
-        # Straight seams need none, a circle is a polygon.
-        return SMOOTH_FACES if settings.kind == "RADIAL" else 1
-    is_smooth = settings.kind != "IMAGE" and settings.border >= 2.0 / SMOOTH_FACES
-    return SMOOTH_FACES if is_smooth else SHARP_FACES
-
-
-def seams_of(camera) -> list[BlendField]:
-    """The fields without a border of a blend camera and of the blends at its ends, the camera's own first."""
-    found, seen, left = [], [], [camera]
-    while left:
-        own = left.pop(0)
-        if own is None or own in seen:
-            continue
-        seen.append(own)
-        field = read_field(own)
-        if field is not None and field.has_seam and not is_map_animated(own):
-            found.append(field)
-        left += [own.scfpf.blend_ends.first, own.scfpf.blend_ends.second]
-    return found
-
-
-def is_map_animated(camera) -> bool:
-    """Return whether keyframes or drivers move a blend camera's map, which then has no sharp seams."""
-    return any(
-        curve.data_path.startswith(FIELD_PATH) for curves in curve_collections(camera) for curve in curves
-    )
 
 
 def is_baked(camera) -> bool:
@@ -158,88 +121,116 @@ def blend_surfaces(camera) -> list:
 
 
 def is_too_coarse(camera) -> bool:
-    """Return whether a blend camera's surfaces do not fit its field: Update Blend makes others."""
+    """Return whether a blend camera's surfaces do not fit its fields: Update Blend makes others."""
+    meshes = [
+        slot.object.data
+        for slot in camera.scfpf.surfaces
+        if slot.object is not None and slot.object.type == "MESH"
+    ]
+    seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera)
+    if any(not _is_cut(mesh, end, field, camera) for mesh in meshes for end, field in seams):
+        return True
     wanted = least_faces(camera)
-    slots = camera.scfpf.surfaces
-    field = read_field(camera)
-    is_polar = camera.scfpf.reparameterisation == "POLAR"
-    if field is not None and field.has_seam and not is_polar and not is_map_animated(camera):
-        return any(
-            slot.object is not None
-            and slot.object.type == "MESH"
-            and not _is_cut(slot.object.data, field, camera)
-            for slot in slots
-        )
-    return any(
-        wanted > 1
-        and slot.object is not None
-        and slot.object.type == "MESH"
-        and len(slot.object.data.vertices) < (wanted + 1) ** 2
-        for slot in slots
-    )
-
-
-def read_field(camera) -> BlendField | None:
-    """The field of a blend camera; None without one, and for an image without pixels."""
-    settings = camera.scfpf.blend_field
-    if settings.kind == "NONE":
-        return None
-    pixels = None
-    if settings.kind == "IMAGE":
-        pixels = None if settings.image is None else mask_pixels(settings.image)
-        if pixels is None:
-            return None
-    return BlendField(
-        kind=settings.kind,
-        centre=tuple(settings.center),
-        size=tuple(settings.size),
-        angle=settings.angle,
-        border=settings.border,
-        pixels=pixels,
-        is_inverted=settings.is_inverted,
-    )
+    return any(wanted > 1 and len(mesh.vertices) < (wanted + 1) ** 2 for mesh in meshes)
 
 
 def write_field(camera) -> None:
-    """Write the second shape of a blend camera's surfaces: the second camera's as far as the field says.
+    """Write the second shape of a blend camera's surfaces: the mean of its cameras by their weights.
 
     Surfaces that are not the blend's own, or have lost their order of rows, stay as they are. Baked shapes,
-    which hold an earlier map, are removed.
+    which hold earlier maps, are removed.
     """
-    field = read_field(camera)
+    fields = read_fields(camera)
+    (second, field), *further = fields
+    is_whole = field is None and not further and second.settings.weight == 1.0
+    is_whole = is_whole and not is_map_animated(camera)
     for surface in blend_surfaces(camera):
-        keys = surface.data.shape_keys
+        keys = surface.data.shape_keys.key_blocks
         _drop_baked(surface)
-        factors = None if field is None else field_factors(camera, surface, field)
-        if field is not None and factors is None:
-            continue
-        if WHOLE_KEY not in keys.key_blocks:
-            if field is None:
+        if is_whole:
+            if WHOLE_KEY not in keys:
                 continue
-            points = points_of(keys.key_blocks[SECOND_KEY])
-            whole = surface.shape_key_add(name=WHOLE_KEY, from_mix=False)
-            whole.mute = True
-            whole.data.foreach_set("co", points.ravel())
-        first, second = (points_of(keys.key_blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
-        if factors is not None:
-            second = first + factors.astype(np.float32)[:, None] * (second - first)
-        keys.key_blocks[SECOND_KEY].data.foreach_set("co", np.ascontiguousarray(second).ravel())
+            points = points_of(keys[WHOLE_KEY])
+        else:
+            weights = end_weights(camera, surface, fields)
+            if weights is None:
+                continue
+            if WHOLE_KEY not in keys:
+                _keep_whole(surface, WHOLE_KEY, points_of(keys[SECOND_KEY]))
+            points = mixed(surface, weights)
+        keys[SECOND_KEY].data.foreach_set("co", np.ascontiguousarray(points).ravel())
         surface.data.update()
 
 
-def field_factors(camera, surface, field: BlendField) -> Array | None:
-    """The factors of a field at the vertices of a surface, (N,); None for a grid out of order."""
-    mesh, aspect = surface.data, camera.scfpf.fitted_aspect or 1.0
+def read_fields(camera) -> list[tuple[End, BlendField | None]]:
+    """The ends of a blend camera other than the first one, with their fields."""
+    return [(end, read_field(end)) for end in ends_of(camera)]
+
+
+def end_weights(camera, surface, fields: Sequence[tuple[End, BlendField | None]]) -> Array | None:
+    """The weights (K, N) of a blend's K ends other than the first one at the N vertices of a surface.
+
+    The first camera has the rest. fields: as of ``read_fields``. Ends that are newer than the surface are
+    left out. Returns None for a grid out of order.
+    """
+    places = _places(camera, surface)
+    if places is None:
+        return None
+    keys = surface.data.shape_keys.key_blocks
+    weights = [
+        end.settings.weight * _factors(camera, surface, end, field, places)
+        for end, field in fields
+        if end.number == 2 or further_key(end.number) in keys
+    ]
+    return normalised(np.stack(weights))
+
+
+def mixed(surface, weights: Array) -> Array:
+    """The mean (N, 3) of the shapes of a blend's surface. weights: as of ``end_weights``. float32."""
+    keys = surface.data.shape_keys.key_blocks
+    first = points_of(keys[FIRST_KEY])
+    found = first
+    names = [WHOLE_KEY, *(key.name for key in keys if FURTHER_KEY.fullmatch(key.name))]
+    # A camera that a script has removed from the list has a shape until Update Blend.
+    for name, share in zip(names, weights, strict=False):
+        found = found + share.astype(np.float32)[:, None] * (points_of(keys[name]) - first)
+    return found
+
+
+def further_key(number: int) -> str:
+    """The name of the shape that keeps the whole of a further camera. number: of the end, from 3 on."""
+    return f"Camera {number}, Everywhere"
+
+
+def _keep_whole(surface, name: str, points: Array) -> None:
+    """Add a shape that nothing mixes."""
+    whole = surface.shape_key_add(name=name, from_mix=False)
+    whole.mute = True
+    whole.data.foreach_set("co", points.ravel())
+
+
+def _factors(camera, surface, end: End, field: BlendField | None, places: Array) -> Array:
+    """The factors (N,) of an end's field at the vertices of a surface."""
+    if field is None:
+        return np.ones(len(places))
+    if surface.scfpf_surface.kind == "UV_MESH" and field.has_seam:
+        mesh = surface.data
+        if _is_cut(mesh, end, field, camera):
+            within = np.empty(len(mesh.vertices), bool)
+            mesh.attributes[_numbered(WITHIN, end)].data.foreach_get("value", within)
+            return np.where(within != field.is_inverted, 1.0, 0.0)
+    return field.factors(*places.T, camera.scfpf.fitted_aspect or 1.0)
+
+
+def _places(camera, surface) -> Array | None:
+    """The image positions (N, 2) of the vertices of a blend's surface; None for a grid out of order."""
+    mesh = surface.data
     if surface.scfpf_surface.kind == "UV_MESH":
-        if not field.has_seam or not _is_cut(mesh, field, camera):
-            return field.factors(*_mesh_places(mesh).T, aspect)
-        within = np.empty(len(mesh.vertices), bool)
-        mesh.attributes[WITHIN].data.foreach_get("value", within)
-        return np.where(within != field.is_inverted, 1.0, 0.0)
+        return _mesh_places(mesh)
     rows = math.isqrt(len(mesh.vertices))
     if rows**2 != len(mesh.vertices):
         return None
-    return field.factors(*_image_places(camera, rows), aspect)
+    return np.stack(_image_places(camera, rows), axis=1)
 
 
 def _mesh_places(mesh) -> Array:
@@ -258,30 +249,38 @@ def _chart(mesh: SeamMesh) -> UVChart:
 
 def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
     """The settings that place a field's seam."""
-    kind = ("LINEAR", "RADIAL", "RECTANGLE").index(field.kind)
+    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS").index(field.kind)
+    if field.kind == "VIEWS":
+        return [float(kind), aspect, *(value for circle in field.circles for value in circle)]
     return [float(kind), aspect, *field.centre, *field.size, field.angle]
 
 
-def _is_cut(mesh, field: BlendField, camera) -> bool:
-    """Return whether a mesh is cut along a field's seam."""
-    numbers = mesh.get(SEAM)
-    if numbers is None or WITHIN not in mesh.attributes:
+def _numbered(name: str, end: End) -> str:
+    """The name of an attribute or a custom property for an end's field."""
+    return name if end.number == 2 else f"{name} {end.number}"
+
+
+def _is_cut(mesh, end: End, field: BlendField, camera) -> bool:
+    """Return whether a mesh is cut along the seam of an end's field."""
+    numbers = mesh.get(_numbered(SEAM, end))
+    if numbers is None or _numbered(WITHIN, end) not in mesh.attributes:
         return False
     return list(numbers) == _seam_numbers(field, camera.scfpf.fitted_aspect or 1.0)
 
 
-def _note_seam(camera, mesh: SeamMesh) -> None:
-    """Write which vertices are within the camera's own field, if that has a seam."""
-    field = read_field(camera)
+def _note_seams(camera, mesh: SeamMesh) -> None:
+    """Write which vertices are within each of the camera's own fields that have a seam."""
+    seams = own_seams(camera)
     for slot in camera.scfpf.surfaces:
         data = slot.object.data
-        if field is None or not field.has_seam:
-            if SEAM in data:
-                del data[SEAM]
-            continue
-        within = data.attributes.get(WITHIN) or data.attributes.new(WITHIN, "BOOLEAN", "POINT")
-        within.data.foreach_set("value", np.ascontiguousarray(mesh.sides[0]))
-        data[SEAM] = _seam_numbers(field, camera.scfpf.fitted_aspect)
+        for name in [name for name in data.keys() if name.startswith(SEAM)]:
+            del data[name]
+        # A mesh has first the sides of the camera's own seams, then those of the blends at its ends.
+        for (end, field), sides in zip(seams, mesh.sides, strict=False):
+            name = _numbered(WITHIN, end)
+            within = data.attributes.get(name) or data.attributes.new(name, "BOOLEAN", "POINT")
+            within.data.foreach_set("value", np.ascontiguousarray(sides))
+            data[_numbered(SEAM, end)] = _seam_numbers(field, camera.scfpf.fitted_aspect)
 
 
 def _drop_baked(surface) -> None:
@@ -345,18 +344,27 @@ def _has_room(camera, blend: Blend) -> bool:
 
 
 def _write_shapes(camera, blend: Blend) -> None:
-    """Write both shapes of each surface of a camera with room for them; keys, drivers and objects stay.
+    """Write the shapes of each surface of a camera with room for them; keys, drivers and objects stay.
 
     Call ``write_field`` afterwards.
     """
     for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
         surface = slot.object
-        first, second = (shape.reshape(-1, 3).astype(np.float32).ravel() for shape in layer)
+        shapes = [shape.reshape(-1, 3).astype(np.float32).ravel() for shape in layer]
+        first, second, *further = shapes
         surface.data.vertices.foreach_set("co", first)
         blocks = surface.data.shape_keys.key_blocks
+        wholes = {further_key(number): points for number, points in enumerate(further, 3)}
+        for key in [key for key in blocks if FURTHER_KEY.fullmatch(key.name) and key.name not in wholes]:
+            surface.shape_key_remove(key)
         for name, points in ((FIRST_KEY, first), (SECOND_KEY, second), (WHOLE_KEY, second)):
             if name in blocks:
                 blocks[name].data.foreach_set("co", points)
+        for name, points in wholes.items():
+            if name in blocks:
+                blocks[name].data.foreach_set("co", points)
+            else:
+                _keep_whole(surface, name, points)
         # The points are in camera space.
         surface.matrix_parent_inverse.identity()
         surface.matrix_basis.identity()

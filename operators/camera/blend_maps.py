@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps of a blend: where in the image each of its cameras counts, and keyframes of that."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, IntProperty
+
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blends.blend_bake import bake_map
+from ...scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated
+from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
+from ...scfpf_addon.projection.editing.blending import BlendError
+from ...scfpf_addon.shading.picking.find import find, points_of
+from ..common.target import flexible_camera_of
+from ..common.tool import Tool
+from ..common.words import say
+from ..image.find import wanted_objects
+from ..image.preparation import poll_no_render, prepared_inputs
+from .blend import SCFPF_OT_blend_update, flexible_end, updated
+
+
+def end_number():
+    """The property by which operators take a camera of a blend."""
+    return IntProperty(
+        name="Camera Number",
+        description="Number of the camera in the blend whose map it is; 2 is the second one",
+        default=2,
+        min=2,
+        options={"SKIP_SAVE"},
+    )
+
+
+def _field_of(camera, number: int):
+    """The settings of the map of a blend's camera. Raises BlendError."""
+    for end in ends_of(camera):
+        if end.number == number:
+            return end.settings
+    raise BlendError(say("The blend '{0}' has no camera {1}: choose another one", camera.name, number))
+
+
+class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
+    """Choose where in the picture a camera of the blend counts, and update the blend"""
+
+    bl_idname = "scfpf.blend_map"
+    bl_label = "Blend Map"
+
+    kind: EnumProperty(
+        name="Blend Map", description="Where in the picture the camera counts", items=FIELD_KINDS
+    )
+    number: end_number()
+
+    poll = SCFPF_OT_blend_update.poll
+
+    def edit(self, context, camera):
+        settings, field = camera.scfpf, _field_of(camera, self.number)
+        before, factor = field.kind, settings.blend_factor
+        field.kind = self.kind
+        if before == "NONE" and factor == 0.0:
+            settings.blend_factor = 1.0  # else the map would show nothing
+        try:
+            return updated(context, camera)
+        except Exception:
+            field.kind, settings.blend_factor = before, factor
+            raise
+
+
+class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
+    """Write the keyframes of the map into shapes that drivers mix, so that pictures follow them"""
+
+    bl_idname = "scfpf.blend_map_bake"
+    bl_label = "Bake Map"
+
+    start: IntProperty(name="Start", description="First frame; 0 is the scene's", default=0, min=0)
+    end: IntProperty(name="End", description="Last frame; 0 is the scene's", default=0, min=0)
+
+    @classmethod
+    def poll(cls, context):
+        if not SCFPF_OT_blend_update.poll.__func__(cls, context) or not poll_no_render(cls, context):
+            return False
+        if not is_map_animated(flexible_camera_of(context)):
+            cls.poll_message_set("The map has no keyframes: insert some on its center, size, angle or border")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        scene = context.scene
+        updated(context, camera)
+        kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
+        return f"The map is baked into {kept} shapes of each surface"
+
+
+class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
+    """Put the map's circle or rectangle around the selected objects, as the first camera sees them"""
+
+    bl_idname = "scfpf.blend_map_around"
+    bl_label = "Map around Selection"
+
+    number: end_number()
+
+    @classmethod
+    def poll(cls, context):
+        if not SCFPF_OT_blend_update.poll.__func__(cls, context) or not poll_no_render(cls, context):
+            return False
+        if not wanted_objects(context):
+            cls.poll_message_set("Select the objects as well, the camera last")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        uid, _ = camera.session_uid, _field_of(camera, self.number)
+        first = flexible_end(context, camera, camera.scfpf.blend_ends.first)
+        name = first.name
+        left, low, right, high = _seen_box(context, first)
+        camera = object_by_uid(uid)
+        field = _field_of(camera, self.number)
+        if field.kind not in ("RADIAL", "RECTANGLE"):
+            field.kind = "RADIAL"
+        field.center, field.angle = ((left + right) / 2, (low + high) / 2), 0.0
+        aspect, border = image_aspect(context.scene), field.border
+        # Half of the border is inside.
+        if field.kind == "RECTANGLE":
+            field.size = right - left + border, high - low + border * aspect
+        else:
+            field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
+        updated(context, camera)
+        return say("The map is around the selection as '{0}' sees it", name)
+
+
+def _seen_box(context, camera) -> tuple[float, float, float, float]:
+    """The borders of the selected objects in a camera's image. Raises an error of BAD_INPUT."""
+    names = {obj.name for obj in wanted_objects(context)}
+    title = camera.name
+    inputs = prepared_inputs(context, camera)
+    points = points_of(inputs.scene, names)
+    if not points.size:
+        raise BlendError("Renders show no faces of the selected objects: select others")
+    pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
+    found = find(inputs.projection, inputs.scene, points, names, pixel)
+    if found is None:
+        raise BlendError(say("'{0}' does not see the selected objects: select others, or turn it", title))
+    return found.box
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_OT_blend_map, SCFPF_OT_blend_map_around, SCFPF_OT_blend_map_bake)
+)
