@@ -125,7 +125,19 @@ def _impossible() -> Recipe:
     return Recipe("impossible-street", "An impossible street", "", build, (render(),), "")
 
 
+def _bust() -> Recipe:
+    """A portrait bust, its face and both its sides in one volume."""
+
+    def build():
+        from demo.showpieces.bust import build_bust
+
+        return build_bust()
+
+    return Recipe("bust", "A bust from both sides at once", "", build, (render(),), "")
+
+
 PIECES = {
+    "bust": Piece(_bust(), (1200, 1872), lambda scene: None),
     "impossible-street": Piece(_impossible(), (1280, 640), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
