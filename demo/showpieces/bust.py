@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A portrait bust in marble and gold, and a camera that walks round it: both its sides and its face in one image.
+"""A portrait bust, and a camera that walks round it: both its sides and its face in one image.
 
 The face looks to -y, z is up. The head is two units high.
 """
@@ -84,7 +84,9 @@ def _body() -> Clay:
     clay.ball(SKULL, SKULL_RADII - 0.03)
     clay.ball((0, -0.25, -0.25), (0.57, 0.66, 0.84), 0.25)
     for side in SIDES:
-        clay.tube(curve([(0.51 * side, 0.05, -0.42), (0.41 * side, -0.35, -0.90), (0, -0.62, -0.98)]), 0.15, 0.2)
+        clay.tube(
+            curve([(0.51 * side, 0.05, -0.42), (0.41 * side, -0.35, -0.90), (0, -0.62, -0.98)]), 0.15, 0.2
+        )
         clay.ball((0.40 * side, -0.63, -0.24), (0.19, 0.16, 0.15), 0.2)
         clay.ball((0.33 * side, -0.60, -0.46), (0.20, 0.19, 0.22), 0.2)
     clay.ball((0, -0.80, -0.98), (0.17, 0.15, 0.13), 0.14)
@@ -102,9 +104,17 @@ def _body() -> Clay:
 def _torso(clay: Clay) -> None:
     clay.tube([(0, 0.26, -0.55), (0, 0.20, -1.25), (0, 0.26, -2.0)], (0.44, 0.40, 0.52), 0.18)
     for side in SIDES:
-        clay.tube(curve([(0.50 * side, 0.28, -0.45), (0.42 * side, 0.0, -1.2), (0.10 * side, -0.20, -1.90)]), 0.09, 0.16)
+        clay.tube(
+            curve([(0.50 * side, 0.28, -0.45), (0.42 * side, 0.0, -1.2), (0.10 * side, -0.20, -1.90)]),
+            0.09,
+            0.16,
+        )
         clay.tube([(0.30 * side, 0.36, -1.55), (1.15 * side, 0.26, -2.12)], (0.30, 0.34), 0.35)
-        clay.tube(curve([(0.12 * side, -0.27, -1.97), (0.5 * side, -0.26, -2.0), (1.1 * side, 0.02, -1.92)]), 0.075, 0.14)
+        clay.tube(
+            curve([(0.12 * side, -0.27, -1.97), (0.5 * side, -0.26, -2.0), (1.1 * side, 0.02, -1.92)]),
+            0.075,
+            0.14,
+        )
     clay.ball((0, 0.12, -2.35), (1.0, 0.52, 0.62), 0.3)
     clay.ball((0, -0.08, -2.75), (0.85, 0.46, 0.7), 0.3)
     # The rim of a bust is round: what is outside of a large ball goes.
@@ -116,19 +126,23 @@ def _torso(clay: Clay) -> None:
 def _eye(clay: Clay, side: int) -> None:
     middle = np.array([0.32 * side, -0.685, 0.0])
     clay.tube(
-        curve([(0.08 * side, -0.88, 0.17), (0.32 * side, -0.95, 0.27), (0.60 * side, -0.62, 0.13)]), 0.06, 0.12
+        curve([(0.08 * side, -0.88, 0.17), (0.32 * side, -0.95, 0.27), (0.60 * side, -0.62, 0.13)]),
+        0.06,
+        0.12,
     )
     clay.ball((0.30 * side, -1.0, 0.02), (0.20, 0.165, 0.105), 0.14, cut=True)
     # Lids are a shell with an almond cut out of it.
     lids = Clay(middle - 0.3, middle + 0.3, clay.step)
     lids.ball(middle, 0.207)
-    lids.ball(middle + (0.01 * side, -0.2, -0.008), (0.168, 0.17, 0.082), 0.012, cut=True)
+    lids.ball(np.add(middle, (0.01 * side, -0.2, -0.008)), (0.168, 0.17, 0.082), 0.012, cut=True)
     clay.add(lids, 0.045)
-    clay.ball(middle + (0, 0.004, 0), 0.187, 0.008)
+    clay.ball(np.add(middle, (0, 0.004, 0)), 0.187, 0.008)
     # The iris is a shallow hollow, as in antique heads.
-    clay.ball(middle + (-0.01 * side, -0.222, 0.012), (0.062, 0.06, 0.062), 0.012, cut=True)
+    clay.ball(np.add(middle, (-0.01 * side, -0.222, 0.012)), (0.062, 0.06, 0.062), 0.012, cut=True)
     clay.tube(
-        curve([(0.15 * side, -0.815, -0.02), (0.3 * side, -0.96, 0.135), (0.51 * side, -0.74, 0.02)]), 0.016, 0.03
+        curve([(0.15 * side, -0.815, -0.02), (0.3 * side, -0.96, 0.135), (0.51 * side, -0.74, 0.02)]),
+        0.016,
+        0.03,
     )
 
 
@@ -143,12 +157,37 @@ def _nose(clay: Clay) -> None:
 def _mouth(clay: Clay) -> None:
     shares = np.linspace(0, 1, 24)
     for side in SIDES:
-        upper = curve([(0, -0.955, -0.605), (0.10 * side, -0.975, -0.555), (0.17 * side, -0.92, -0.63), (0.265 * side, -0.80, -0.655)])
+        upper = curve(
+            [
+                (0, -0.955, -0.605),
+                (0.10 * side, -0.975, -0.555),
+                (0.17 * side, -0.92, -0.63),
+                (0.265 * side, -0.80, -0.655),
+            ]
+        )
         clay.tube(upper, 0.058 - 0.046 * shares**1.5, 0.03)
-    lower = curve([(-0.24, -0.80, -0.665), (-0.13, -0.945, -0.735), (0, -0.975, -0.72), (0.13, -0.945, -0.735), (0.24, -0.80, -0.665)], 40)
+    lower = curve(
+        [
+            (-0.24, -0.80, -0.665),
+            (-0.13, -0.945, -0.735),
+            (0, -0.975, -0.72),
+            (0.13, -0.945, -0.735),
+            (0.24, -0.80, -0.665),
+        ],
+        40,
+    )
     bow = 1 - np.abs(np.linspace(-1, 1, 40)) ** 2
     clay.tube(lower, 0.012 + 0.058 * bow, 0.03)
-    line = curve([(-0.29, -0.80, -0.66), (-0.12, -1.02, -0.64), (0, -1.07, -0.685), (0.12, -1.02, -0.64), (0.29, -0.80, -0.66)], 40)
+    line = curve(
+        [
+            (-0.29, -0.80, -0.66),
+            (-0.12, -1.02, -0.64),
+            (0, -1.07, -0.685),
+            (0.12, -1.02, -0.64),
+            (0.29, -0.80, -0.66),
+        ],
+        40,
+    )
     clay.tube(line, 0.010, 0.025, cut=True)
     clay.tube([(0, -0.985, -0.47), (0, -0.985, -0.555)], 0.016, 0.05, cut=True)
     clay.ball((0, -0.93, -0.83), (0.12, 0.05, 0.035), 0.08, cut=True)
@@ -187,13 +226,21 @@ def _hair() -> Clay:
         for number, angle in enumerate(np.radians(np.linspace(40, 125, 9))):
             start = np.array([0.03 * side, -np.cos(angle), np.sin(angle)])
             middle = np.array([1.35 * side, -0.85 + 0.28 * number, 0.42 + 0.13 * number])
-            way = curve([start, middle, np.array([1.1 * side, 0.45 + 0.06 * number, -0.42 + 0.17 * number]), back + (0.12 * side, 0, 0)], 40)
+            way = curve(
+                [
+                    start,
+                    middle,
+                    np.array([1.1 * side, 0.45 + 0.06 * number, -0.42 + 0.17 * number]),
+                    np.add(back, (0.12 * side, 0, 0)),
+                ],
+                40,
+            )
             wave = 0.014 * np.sin(shares * 16.0 + number)
             points = over_skull(way, 0.045 + 0.03 * np.sin(np.pi * shares) + wave)
             thick = 0.062 + 0.035 * np.sin(np.pi * shares)
             clay.tube(points, thick, 0.012)
-    clay.ball(SKULL + (0, 0.14, 0.06), SKULL_RADII * (1.0, 0.92, 0.98), 0.03)
-    for number, turn in enumerate(np.linspace(0, 2 * np.pi, 7)[:-1]):
+    clay.ball(np.add(SKULL, (0, 0.14, 0.06)), SKULL_RADII * (1.0, 0.92, 0.98), 0.03)
+    for turn in np.linspace(0, 2 * np.pi, 7)[:-1]:
         spin = np.linspace(0, 1, 32)
         angle = turn + 3.6 * spin
         reach = 0.34 * np.sin(np.pi * (0.12 + 0.86 * spin))
@@ -201,14 +248,20 @@ def _hair() -> Clay:
             [reach * np.cos(angle), 0.06 + 0.36 * spin - 0.12, reach * np.sin(angle)], axis=1
         )
         clay.tube(points, 0.10, 0.014)
-    clay.ball(BUN + (0, 0.1, 0), (0.28, 0.26, 0.28), 0.02)
+    clay.ball(np.add(BUN, (0, 0.1, 0)), (0.28, 0.26, 0.28), 0.02)
     _plait(clay)
     return clay
 
 
 def plait_path(share: Array) -> Array:
     """Points of the plait's middle: from behind the ear over the collar bone to the chest."""
-    control = [(-0.50, 0.72, -0.15), (-0.95, 0.80, -0.9), (-0.80, 0.10, -1.35), (-0.62, -0.42, -1.6), (-0.52, -0.62, -2.45)]
+    control = [
+        (-0.50, 0.72, -0.15),
+        (-0.95, 0.80, -0.9),
+        (-0.80, 0.10, -1.35),
+        (-0.62, -0.42, -1.6),
+        (-0.52, -0.62, -2.45),
+    ]
     return curve(control, len(share))
 
 
@@ -244,19 +297,31 @@ def _ornaments(scene, gold) -> None:
     """A wreath of gold leaves, an earring on each side, and a ring round the plait's end."""
     builder = MeshBuilder()
     for side in SIDES:
-        for number, angle in enumerate(np.radians(np.linspace(8, 112, 12))):
+        for angle in np.radians(np.linspace(8, 112, 12)):
             way = np.array([[side * np.sin(angle), -np.cos(angle), 0.62 + 0.12 * np.sin(angle)]])
             foot = over_skull(way, 0.13)[0]
-            ahead = over_skull(np.array([[side * np.sin(angle - 0.05), -np.cos(angle - 0.05), 0.62 + 0.12 * np.sin(angle)]]), 0.13)[0]
+            ahead = over_skull(
+                np.array([[side * np.sin(angle - 0.05), -np.cos(angle - 0.05), 0.62 + 0.12 * np.sin(angle)]]),
+                0.13,
+            )[0]
             out = foot - SKULL
             for up in (-0.55, 0.55):
-                _leaf(builder, foot, (ahead - foot) / np.linalg.norm(ahead - foot) + (0, 0, up), out, 0.27, 0.062)
+                _leaf(
+                    builder,
+                    foot,
+                    (ahead - foot) / np.linalg.norm(ahead - foot) + (0, 0, up),
+                    out,
+                    0.27,
+                    0.062,
+                )
         ear = np.array([0.765 * side, -0.03, -0.45])
         builder.ball(ear, (0.035,) * 3, "Gold")
         if side < 0:
             builder.ball(ear - (0, 0, 0.16), (0.06, 0.06, 0.12), "Gold", segments=32)
         else:
-            turn, tube = np.meshgrid(np.linspace(0, 2 * np.pi, 49), np.linspace(0, 2 * np.pi, 17)[:-1], indexing="ij")
+            turn, tube = np.meshgrid(
+                np.linspace(0, 2 * np.pi, 49), np.linspace(0, 2 * np.pi, 17)[:-1], indexing="ij"
+            )
             ring = 0.13 + 0.018 * np.cos(tube)
             points = np.stack([0.018 * np.sin(tube), ring * np.sin(turn), ring * np.cos(turn)], axis=-1)
             builder.grid(ear - (0, 0, 0.15) + points, "Gold", closed=True)
@@ -266,7 +331,17 @@ def _ornaments(scene, gold) -> None:
 
 def _socle(scene) -> None:
     builder = MeshBuilder()
-    profile = [(0.0, -3.0), (0.46, -3.02), (0.40, -3.2), (0.34, -3.4), (0.42, -3.55), (0.62, -3.62), (0.62, -3.75), (0.8, -3.8), (0.8, -5.5)]
+    profile = [
+        (0.0, -3.0),
+        (0.46, -3.02),
+        (0.40, -3.2),
+        (0.34, -3.4),
+        (0.42, -3.55),
+        (0.62, -3.62),
+        (0.62, -3.75),
+        (0.8, -3.8),
+        (0.8, -5.5),
+    ]
     builder.lathe(profile[::-1], 96, "Z", (0, 0.1, 0), "Socle")
     look = material("Socle", (0.03, 0.035, 0.04), 0.16)
     place("Socle", builder.mesh("Socle", {"Socle": look}), scene.collection)
@@ -307,13 +382,13 @@ def _studio(scene) -> None:
 REACH = (6.0, 0.03)
 # The line runs from the middle of the face backwards. RADIUS: where the picture keeps the widths of things.
 TURN, RADIUS = 0.05, 0.9
-# The most degrees by which projectors turn to each side, by height: ears are seen from the side, shoulders and crown
-# nearly from the front, as their outlines would be wide and flat otherwise.
+# The most degrees by which projectors turn to each side, by height: ears are seen from the side, shoulders
+# and crown nearly from the front, as their outlines would be wide and flat otherwise.
 TURNS = ((-1.9, 27.0), (-0.65, 62.0), (0.40, 62.0), (1.5, 20.0))
-# Half the width that the picture shows, its lowest and its highest point, and its aspect: it is narrower than it
-# would be in the widths of things.
+# Half the width that the picture shows, its lowest and its highest point, and its aspect, which makes it
+# narrower than things are.
 HALF, LOW, HIGH, ASPECT = 2.1, -3.5, 1.75, 0.64
-# The share of the width of things that the middle of the picture shows: below 1, the face is larger than its surroundings.
+# How fast the picture's middle passes over things: below 1, the face is larger than what is beside it.
 FACE = 0.9
 ROWS, COLUMNS = 41, 121
 
@@ -321,8 +396,8 @@ ROWS, COLUMNS = 41, 121
 def walk(reach: float) -> Array:
     """Points (ROWS, COLUMNS, 3) of a surface: from one side round the face to the other.
 
-    At distance t from the line, a step ds in the picture covers t dturn + sin(turn) dback, which is ds at RADIUS.
-    It is positive everywhere, so that the volume has no folds.
+    At distance t from the line, a step ds in the picture covers t dturn + sin(turn) dback, which is ds at
+    RADIUS. It is positive everywhere, so that the volume has no folds.
     """
     across = np.linspace(-1, 1, COLUMNS)
     along = HALF * across * (FACE + (1 - FACE) * across**2)

@@ -24,7 +24,7 @@ ROUND = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 class Clay:
-    """Signed distances, negative inside, at the points of a grid; every tool touches its neighbourhood alone."""
+    """Signed distances, negative inside, at the points of a grid; a tool touches its neighbourhood alone."""
 
     def __init__(self, low: ArrayLike, high: ArrayLike, step: float) -> None:
         self.low, self.step = np.asarray(low, float), step
@@ -95,7 +95,7 @@ class Clay:
     def _quads(axis: int, inside: NDArray[np.bool_], number: NDArray[np.int64]) -> NDArray[np.int64]:
         """The quads round the edges along an axis that the surface crosses."""
         lines, cells = np.moveaxis(inside, axis, 0), np.moveaxis(number, axis, 0)
-        crossed = np.argwhere((lines[:-1] != lines[1:])[:, 1:-1, 1:-1]) + (0, 1, 1)
+        crossed = np.add(np.argwhere((lines[:-1] != lines[1:])[:, 1:-1, 1:-1]), (0, 1, 1))
         i, j, k = crossed.T
         quads = np.stack([cells[i, j - 1 + a, k - 1 + b] for a, b in ROUND], axis=1)
         # The two other axes keep their order, which for the second axis is a left-handed one.

@@ -53,7 +53,10 @@ def unrolled(number: int) -> Array:
 
 
 def camera_of(scene, module: str, surfaces: list[Array], name: str = "Twisted"):
-    """Add a flexible camera with two or three grids, and make it the scene's. module: the extension's package."""
+    """Add a flexible camera with two or three grids, and make it the scene's.
+
+    module: the extension's package.
+    """
     import bpy
 
     flexible = importlib.import_module(f"{module}.scfpf_addon.bridge.camera.flexible_camera")

@@ -12,8 +12,8 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The way that is tried first, and others: stays that count more hold the background, more steps leave folds, and
-# stays that count less do not force any.
+# The way that is tried first, and others: stays that count more hold the background, more steps leave folds,
+# and stays that count less do not force any.
 FIRST = Schedule()
 STILL, LONG, LOOSE = Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5)
 # Stays force folds if more than this share of the pixels is folded or mirrored.
