@@ -16,6 +16,7 @@ from .. import render_demo
 from ..mesh import Array, MeshBuilder, material, place, smooth_table
 from .clay import Clay
 from .street_film import camera_of
+from .walk import walk
 
 STEP = 0.016
 SIDES = (-1, 1)
@@ -35,7 +36,7 @@ def build_bust():
     _ornaments(scene, gold)
     _socle(scene)
     _studio(scene)
-    camera_of(scene, render_demo.MODULE, [walk(reach) for reach in REACH], "Walk Round")
+    camera_of(scene, render_demo.MODULE, surfaces(), "Walk Round")
     return scene
 
 
@@ -366,12 +367,12 @@ def _studio(scene) -> None:
     if scene.world.node_tree is None:
         scene.world.use_nodes = True
     tree = scene.world.node_tree
-    place_, parts = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    coordinates, parts = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeSeparateXYZ")
     ramp = tree.nodes.new("ShaderNodeValToRGB")
     low, high = ramp.color_ramp.elements
     low.position, low.color = 0.0, (0.006, 0.014, 0.020, 1.0)
     high.position, high.color = 1.0, (0.055, 0.105, 0.115, 1.0)
-    tree.links.new(place_.outputs["Generated"], parts.inputs[0])
+    tree.links.new(coordinates.outputs["Generated"], parts.inputs[0])
     tree.links.new(parts.outputs["Y"], ramp.inputs[0])
     tree.links.new(ramp.outputs["Color"], tree.nodes["Background"].inputs["Color"])
     tree.nodes["Background"].inputs["Strength"].default_value = 1.0
@@ -381,7 +382,7 @@ def _studio(scene) -> None:
 # Distances of the surfaces from the line at which projectors end.
 REACH = (6.0, 0.03)
 # The line runs from the middle of the face backwards. RADIUS: where the picture keeps the widths of things.
-TURN, RADIUS = 0.05, 0.9
+START, RADIUS = 0.05, 0.9
 # The most degrees by which projectors turn to each side, by height: ears are seen from the side, shoulders
 # and crown nearly from the front, as their outlines would be wide and flat otherwise.
 TURNS = ((-1.9, 27.0), (-0.65, 62.0), (0.40, 62.0), (1.5, 20.0))
@@ -393,20 +394,9 @@ FACE = 0.9
 ROWS, COLUMNS = 41, 121
 
 
-def walk(reach: float) -> Array:
-    """Points (ROWS, COLUMNS, 3) of a surface: from one side round the face to the other.
-
-    At distance t from the line, a step ds in the picture covers t dturn + sin(turn) dback, which is ds at
-    RADIUS. It is positive everywhere, so that the volume has no folds.
-    """
-    across = np.linspace(-1, 1, COLUMNS)
+def surfaces() -> list[Array]:
+    """Points of the near and the far surface."""
+    across, heights = np.linspace(-1, 1, COLUMNS), np.linspace(LOW, HIGH, ROWS)
     along = HALF * across * (FACE + (1 - FACE) * across**2)
-    z, s = np.meshgrid(np.linspace(LOW, HIGH, ROWS), along, indexing="ij")
-    most = np.radians(smooth_table(TURNS, z))
-    gone = np.tanh(s / (RADIUS * most))
-    turn = most * gone
-    slope = gone**2 / np.where(turn == 0.0, 1.0, np.sin(turn))
-    back = np.cumsum((slope[:, 1:] + slope[:, :-1]) / 2 * np.diff(s, axis=1), axis=1)
-    back = np.concatenate([np.zeros((ROWS, 1)), back], axis=1)
-    back -= back[:, COLUMNS // 2, None]
-    return np.stack([reach * np.sin(turn), TURN + back - reach * np.cos(turn), z], axis=-1)
+    turns = np.radians(smooth_table(TURNS, heights))
+    return [walk(reach, heights, along, turns, radius=RADIUS, start=START) for reach in REACH]
