@@ -81,7 +81,7 @@ def curve(points: Sequence[Sequence[float]], count: int = 24) -> Array:
 
 
 def _body() -> Clay:
-    clay = Clay((-1.75, -1.4, -3.35), (1.75, 1.3, 1.3), STEP)
+    clay = Clay((-1.75, -1.4, -3.35), (1.75, 1.3, 1.3), STEP, felt=0.35)
     clay.ball(SKULL, SKULL_RADII - 0.03)
     clay.ball((0, -0.25, -0.25), (0.57, 0.66, 0.84), 0.25)
     for side in SIDES:
@@ -134,12 +134,12 @@ def _eye(clay: Clay, side: int) -> None:
     clay.ball((0.30 * side, -1.0, 0.02), (0.20, 0.165, 0.105), 0.14, cut=True)
     # Lids are a shell with an almond cut out of it.
     lids = Clay(middle - 0.3, middle + 0.3, clay.step)
-    lids.ball(middle, 0.207)
+    lids.ball(middle, 0.212)
     lids.ball(np.add(middle, (0.01 * side, -0.2, -0.008)), (0.168, 0.17, 0.082), 0.012, cut=True)
-    clay.add(lids, 0.045)
-    clay.ball(np.add(middle, (0, 0.004, 0)), 0.187, 0.008)
+    clay.add(lids, 0.025)
+    clay.ball(np.add(middle, (0, 0.004, 0)), 0.184, 0.008)
     # The iris is a shallow hollow, as in antique heads.
-    clay.ball(np.add(middle, (-0.01 * side, -0.222, 0.012)), (0.062, 0.06, 0.062), 0.012, cut=True)
+    clay.ball(np.add(middle, (-0.01 * side, -0.19, 0.008)), (0.056, 0.05, 0.058), 0.016, cut=True)
     clay.tube(
         curve([(0.15 * side, -0.815, -0.02), (0.3 * side, -0.96, 0.135), (0.51 * side, -0.74, 0.02)]),
         0.016,
@@ -189,7 +189,7 @@ def _mouth(clay: Clay) -> None:
         ],
         40,
     )
-    clay.tube(line, 0.010, 0.025, cut=True)
+    clay.tube(line, 0.004 + 0.009 * bow, 0.025, cut=True)
     clay.tube([(0, -0.985, -0.47), (0, -0.985, -0.555)], 0.016, 0.05, cut=True)
     clay.ball((0, -0.93, -0.83), (0.12, 0.05, 0.035), 0.08, cut=True)
 
@@ -239,7 +239,7 @@ def _hair() -> Clay:
             wave = 0.014 * np.sin(shares * 16.0 + number)
             points = over_skull(way, 0.045 + 0.03 * np.sin(np.pi * shares) + wave)
             thick = 0.062 + 0.035 * np.sin(np.pi * shares)
-            clay.tube(points, thick, 0.012)
+            clay.tube(points, thick, 0.03)
     clay.ball(np.add(SKULL, (0, 0.14, 0.06)), SKULL_RADII * (1.0, 0.92, 0.98), 0.03)
     for turn in np.linspace(0, 2 * np.pi, 7)[:-1]:
         spin = np.linspace(0, 1, 32)
@@ -248,7 +248,7 @@ def _hair() -> Clay:
         points = BUN + np.stack(
             [reach * np.cos(angle), 0.06 + 0.36 * spin - 0.12, reach * np.sin(angle)], axis=1
         )
-        clay.tube(points, 0.10, 0.014)
+        clay.tube(points, 0.10, 0.03)
     clay.ball(np.add(BUN, (0, 0.1, 0)), (0.28, 0.26, 0.28), 0.02)
     _plait(clay)
     return clay

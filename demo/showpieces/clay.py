@@ -17,8 +17,8 @@ from ..mesh import Array
 
 # The field far away from all clay, in units of the scene.
 FAR = 10.0
-# The least distance from a ball's middle, in radii, and the least width round a tool in which it is felt.
-TINY, FELT = 1e-6, 0.1
+# The least distance from a ball's middle, in radii.
+TINY = 1e-6
 # The four corners round an edge of the grid, by steps along the two other axes.
 ROUND = ((0, 0), (1, 0), (1, 1), (0, 1))
 
@@ -26,8 +26,9 @@ ROUND = ((0, 0), (1, 0), (1, 1), (0, 1))
 class Clay:
     """Signed distances, negative inside, at the points of a grid; a tool touches its neighbourhood alone."""
 
-    def __init__(self, low: ArrayLike, high: ArrayLike, step: float) -> None:
-        self.low, self.step = np.asarray(low, float), step
+    def __init__(self, low: ArrayLike, high: ArrayLike, step: float, felt: float = 0.1) -> None:
+        """felt: the distance from clay in which the field is right, at least the widest melt that follows."""
+        self.low, self.step, self.felt = np.asarray(low, float), step, felt
         count = np.ceil((np.asarray(high, float) - self.low) / step).astype(int) + 1
         self.field = np.full(count, FAR, np.float32)
 
@@ -104,7 +105,7 @@ class Clay:
 
     def _near(self, low: Array, high: Array, melt: float) -> tuple[tuple[slice, ...], Sequence[Array]]:
         """The part of the grid that a tool touches, and its coordinates along each axis."""
-        margin = max(melt, FELT) + 2 * self.step
+        margin = melt + self.felt + 2 * self.step
         first = np.maximum(np.floor((low - margin - self.low) / self.step).astype(int), 0)
         last = np.minimum(np.ceil((high + margin - self.low) / self.step).astype(int), self.field.shape)
         part = tuple(slice(a, max(b, a)) for a, b in zip(first, last, strict=True))

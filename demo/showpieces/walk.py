@@ -14,7 +14,7 @@ def walk(
 ) -> Array:
     """Points (rows, columns, 3) of a control surface at a distance from the line at which projectors end.
 
-    heights: (rows,) of its points. along: (columns,) places in the picture from left to right, 0 in its middle,
+    heights: (rows,) of its points. along: (columns,) places in the picture from left to right, 0 midway,
     in the widths of things. turns: (rows,) the most that projectors turn to each side, in radians. The line
     begins at y = start, above x = 0, and runs to +y.
 
