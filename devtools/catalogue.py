@@ -31,10 +31,11 @@ ANY, OPERATOR = "*", "Operator"
 
 def catalogue(module: str) -> list[Text]:
     """All texts, sorted. module: the name of the enabled extension's package."""
-    found = {*registered(module), *((ANY, text) for text in written())}
+    found = {*registered(module), *((ANY, text) for text in (*written(), *raised()))}
     # A docstring's line breaks depend on Python; icons are names in capitals.
     plain = {(context, " ".join(text.split()) if "\n" in text else text) for context, text in found}
-    kept = (text for text in plain if text[1].strip(" .:") and not re.fullmatch("[A-Z0-9_]{2,}", text[1]))
+    no_text = re.compile(r"[ .:]*|\{0\}|[A-Z0-9_]{2,}")
+    kept = (text for text in plain if not no_text.fullmatch(text[1]))
     return sorted(kept, key=lambda text: (text[1], text[0]))
 
 
@@ -85,6 +86,25 @@ def written() -> Iterator[str]:
                 continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 yield from _shown_by(node)
+
+
+def raised() -> Iterator[str]:
+    """The messages of errors that operators translate: those derived from TemplateError."""
+    paths = sorted((ROOT / "scfpf_addon").rglob("*.py"))
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
+    kinds = {
+        node.name
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and "TemplateError" in map(ast.unparse, node.bases)
+    }
+    for tree in trees:
+        assigned = [node for node in tree.body if isinstance(node, ast.Assign)]
+        named = {ast.unparse(node.targets[0]): node.value for node in assigned}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds and node.args:
+                template = node.args[0]
+                yield from _constants(named.get(ast.unparse(template), template))
 
 
 def _shown_by(node: ast.AST) -> Iterator[str]:

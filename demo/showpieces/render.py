@@ -125,10 +125,34 @@ def _impossible() -> Recipe:
     return Recipe("impossible-street", "An impossible street", "", build, (render(),), "")
 
 
+def _bust() -> Recipe:
+    """A portrait bust, its face and both its sides in one volume."""
+
+    def build():
+        from demo.showpieces.bust import build_bust
+
+        return build_bust()
+
+    return Recipe("bust", "A bust from both sides at once", "", build, (render(),), "")
+
+
+def _evening_car() -> Recipe:
+    """A car unfolded before its street, as a layer."""
+
+    def build():
+        from demo.showpieces.evening_car import evening_car
+
+        return evening_car()
+
+    return Recipe("evening-car", "A car from both sides before its street", "", build, (render(),), "")
+
+
 PIECES = {
+    "bust": Piece(_bust(), (1200, 1872), lambda scene: None),
     "impossible-street": Piece(_impossible(), (1280, 640), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
+    "evening-car": Piece(_evening_car(), (1280, 640), evening),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 
@@ -219,17 +243,27 @@ def make(name: str, percentage: int, samples: int) -> None:
     camera.scfpf.pixel_error = PIXEL_ERROR
     scene.view_layers[0].objects.active = camera
     bpy.context.view_layer.update()
-    if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
-        sys.exit(f"The Cycles rig of {name} was not made; the lines above say why.")
     raw = OUTPUT / f"{name}.png"
-    scene.render.filepath, scene.render.image_settings.file_format = str(raw), "PNG"
     begun = time.process_time()
-    bpy.ops.render.render(write_still=True)
+    if camera.scfpf.layers:
+        bpy.ops.scfpf.layers_render(camera=camera.name, filepath=str(raw))
+    else:
+        _render_rig(scene, name, raw)
     seconds = time.process_time() - begun
     Image.open(raw).convert("RGB").save(FOLDER / f"{name}.jpg", quality=QUALITY, optimize=True)
     open_on(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
     print(f"{name}: {seconds:.0f} s of the processor", flush=True)
+
+
+def _render_rig(scene, name: str, path: Path) -> None:
+    """Render a scene's camera through its Cycles rig."""
+    import bpy
+
+    if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
+        sys.exit(f"The Cycles rig of {name} was not made; the lines above say why.")
+    scene.render.filepath, scene.render.image_settings.file_format = str(path), "PNG"
+    bpy.ops.render.render(write_still=True)
 
 
 def main(arguments: list[str]) -> None:

@@ -52,17 +52,21 @@ def unrolled(number: int) -> Array:
     return np.stack([np.full_like(x, ACROSS[number]), along, up], axis=-1)
 
 
-def camera_of(scene, module: str, surfaces: list[Array]):
-    """Add a flexible camera with three grids, and make it the scene's. module: the extension's package."""
+def camera_of(scene, module: str, surfaces: list[Array], name: str = "Twisted"):
+    """Add a flexible camera with two or three grids, and make it the scene's.
+
+    module: the extension's package.
+    """
     import bpy
 
     flexible = importlib.import_module(f"{module}.scfpf_addon.bridge.camera.flexible_camera")
-    camera = bpy.data.objects.new("Twisted", bpy.data.cameras.new("Twisted"))
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(camera)
     bpy.context.view_layer.update()
+    names = ("Near", *(("Middle",) * (len(surfaces) - 2)), "Far")
     made = [
-        flexible.NewSurface(name, "GRID", np.eye(4), points=points)
-        for name, points in zip(("Near", "Middle", "Far"), surfaces, strict=True)
+        flexible.NewSurface(title, "GRID", np.eye(4), points=points)
+        for title, points in zip(names, surfaces, strict=True)
     ]
     flexible.replace_surfaces(camera, made)
     flexible.make_flexible(camera)

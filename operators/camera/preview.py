@@ -6,7 +6,6 @@ import bpy
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ...scfpf_addon.bridge.render.render_errors import reason
 from ...scfpf_addon.scanline.preview import preview_building
 from ...scfpf_addon.scanline.preview.preview import show, switch_off, switch_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
@@ -14,7 +13,7 @@ from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
-from ..common.words import say
+from ..common.words import say, told
 
 FLAT = (
     "The nodes preview cannot show this volume, which is flat: all its projectors lie in one surface. "
@@ -108,7 +107,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             read_projection(camera, depsgraph, image_aspect(context.scene))
         except BAD_INPUT as error:
             # The preview stays and follows as soon as the volume is valid.
-            self.report({"WARNING"}, reason(error))
+            self.report({"WARNING"}, told(error))
         else:
             if is_flat(source, depsgraph):
                 self.report({"WARNING"}, FLAT)

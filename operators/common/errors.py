@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input, which operators report in one line. Other errors are bugs and propagate."""
 
-from bpy.app.translations import pgettext_rpt
-
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
 from ...scfpf_addon.bridge.render.image_file import ResultError
-from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS, reason
+from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS
 from ...scfpf_addon.bridge.volume.edit_mode import EditVolumeError
 from ...scfpf_addon.cycles.rig_data import RigError
 from ...scfpf_addon.projection.editing.blending import BlendError
@@ -17,6 +15,7 @@ from ...scfpf_addon.projection.editing.volume_edits import EditingError
 from ...scfpf_addon.projection.presets.preset import PresetError
 from ...scfpf_addon.scanline.preview.preview_data import PreviewError
 from ...scfpf_addon.scanline.preview.preview_viewports import ViewportError
+from .words import told
 
 BAD_INPUT = (
     AimError,
@@ -38,5 +37,5 @@ BAD_INPUT = (
 
 def refused(operator, error) -> set[str]:
     """Report one of BAD_INPUT, and return what a cancelled operator returns."""
-    operator.report({"ERROR"}, pgettext_rpt(reason(error)))
+    operator.report({"ERROR"}, told(error))
     return {"CANCELLED"}

@@ -85,7 +85,7 @@ class Planning:
         """The camera. Raises RigError if it or its scene has gone."""
         camera = context.scene.objects.get(self._camera)
         if context.scene.name != self._scene or camera is None:
-            raise RigError(f"'{self._camera}' was deleted meanwhile: undo, or choose another camera")
+            raise RigError("'{0}' was deleted meanwhile: undo, or choose another camera", self._camera)
         return camera
 
     def give_up(self) -> None:
@@ -123,7 +123,7 @@ def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
     try:
         return plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
     except PlanError as error:
-        raise RigError(str(error)) from error
+        raise RigError("{0}", error) from error
 
 
 def may_move(camera) -> bool:

@@ -18,6 +18,7 @@ from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
 from ..projection.presets.preset import MAXIMUM_SURFACES
+from ..projection.template_error import TemplateError
 from ..projection.typing import Array
 from ..scanline.generated_collection import (
     follow_image_size,
@@ -52,7 +53,7 @@ CYCLES = "CYCLES"
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
-class RigError(ValueError):
+class RigError(TemplateError):
     """The rig cannot be made. The message says what to do."""
 
 
@@ -97,14 +98,18 @@ def check_surfaces(camera) -> None:
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise RigError(
-                f"Cycles cannot follow the lattice '{slot.object.name}': use control surfaces instead of it, "
-                "or render with SCFPF"
+                "Cycles cannot follow the lattice '{0}': use control surfaces instead of it, or "
+                "render with SCFPF",
+                slot.object.name,
             )
     count = len(camera.scfpf.surfaces)
     if not 2 <= count <= MAXIMUM_SURFACES:
         raise RigError(
-            f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a volume needs at "
-            f"least two and may have {MAXIMUM_SURFACES}; add one in the camera's properties or load a preset"
+            "'{0}' has fewer than two control surfaces: add one in the camera's properties or load a preset"
+            if count < 2
+            else "'{0}' has more than {1} control surfaces, the most that a volume may have: remove some",
+            camera.name,
+            MAXIMUM_SURFACES,
         )
 
 

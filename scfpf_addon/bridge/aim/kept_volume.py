@@ -27,7 +27,7 @@ class KeptVolume:
         """Raises AimError if keyframes or drivers move the volume's settings: they cannot be brought back."""
         paths = (curve.data_path for curves in curve_collections(camera) for curve in curves)
         if any(found[1] != AIM_TARGETS for found in map(SLOT_PATH.match, paths) if found is not None):
-            raise AimError(f"The surfaces or mappings of '{camera.name}' are keyframed: press Solve first")
+            raise AimError("The surfaces or mappings of '{0}' are keyframed: press Solve first", camera.name)
         copy = camera.copy()
         copy.scfpf.volume_object = None
         copy.animation_data_clear()

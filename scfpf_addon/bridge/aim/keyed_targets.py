@@ -70,7 +70,7 @@ def solving_animation(camera, context) -> Steps:
     if len(frames) < 2:
         return (yield from solving(camera, context.evaluated_depsgraph_get()))
     if len(frames) > MOST_KEYS:
-        raise AimError(f"The targets have keys at {len(frames)} frames: {MOST_KEYS} are the most")
+        raise AimError("The targets have keys at {0} frames: {1} are the most", len(frames), MOST_KEYS)
     if bpy.app.is_job_running("RENDER"):
         raise AimError("Keyframed targets cannot be solved during a render: wait until it has ended")
     uid, scene = camera.session_uid, context.scene
@@ -122,7 +122,7 @@ def _at(frame: float):
     try:
         yield
     except AimError as error:
-        raise AimError(f"At frame {frame:g}: {error}") from error
+        raise AimError("At frame {0:g}: {1}", frame, error) from error
 
 
 def _own_nets(solution: Solution) -> Patches:

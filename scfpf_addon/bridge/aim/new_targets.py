@@ -39,7 +39,7 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
         target.collection, target.object = collection, obj
         objects = target_objects(target)
         if not objects or camera in objects:
-            raise AimError(f"'{target.name}' has no faces to show: choose objects that renders show")
+            raise AimError("'{0}' has no faces to show: choose objects that renders show", target.name)
         low, high = thing_box(objects, depsgraph)
         centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
         x, y, seen = _seen_now(camera, projection, centre)
@@ -153,7 +153,7 @@ def remove_target(camera, index: int) -> None:
     """
     targets = camera.scfpf.aim_targets
     if not 0 <= index < len(targets):
-        raise AimError(f"'{camera.name}' has no target at place {index + 1}")
+        raise AimError("'{0}' has no target at place {1}", camera.name, index + 1)
     handle = targets[index].handle if targets[index].kind == PIN else None
     remove_slot(camera.scfpf, index, AIM_TARGETS)
     if handle is not None and handle.is_editable:
@@ -172,7 +172,7 @@ def turn_eye(target, depsgraph, left: float, up: float) -> None:
     eye = target.eye
     if eye is None or not eye.is_editable:
         raise AimError(
-            f"The view '{target.name}' has no camera that can be turned: choose one under Seen From"
+            "The view '{0}' has no camera that can be turned: choose one under Seen From", target.name
         )
     low, high = thing_box(target_objects(target), depsgraph)
     world = np.array(eye.matrix_world, np.float64)

@@ -144,7 +144,9 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
         owners += [number] * part.count
         halos += [target.halo] * part.count
     if not parts:
-        raise AimError(f"'{camera.name}' has no view and no pin to aim at: add one with Add View or Add Pin")
+        raise AimError(
+            "'{0}' has no view and no pin to aim at: add one with Add View or Add Pin", camera.name
+        )
     lines = [_line(target, by_handle) for _, target in listed if target.kind == LINE]
     alone = any(target.alone for _, target in listed if target.kind == VIEW)
     return Targets(
@@ -163,15 +165,19 @@ def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: floa
     shown = view_map(target, depsgraph, aspect)
     own = arrays.triangles_of(target_objects(target))
     if not own.any():
-        raise AimError(f"The view '{title_of(target)}' has no faces that viewports and renders show: show it")
+        raise AimError(
+            "The view '{0}' has no faces that viewports and renders show: show it", title_of(target)
+        )
     try:
         pins = sample_view(arrays.scene, own, shown, number)
     except CastError as error:
-        raise AimError(f"'{target.eye.name}' does not see '{title_of(target)}': turn it there") from error
+        raise AimError(
+            "'{0}' does not see '{1}': turn it there", target.eye.name, title_of(target)
+        ) from error
     pins = replace(pins, weights=pins.weights * target.weight)
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
-        raise AimError(f"The view '{title_of(target)}' is outside the picture: move its frame into it")
+        raise AimError("The view '{0}' is outside the picture: move its frame into it", title_of(target))
     return pins.take(inside), View(shown, own)
 
 
@@ -179,10 +185,10 @@ def own_pin(target, depsgraph) -> AimPins:
     """The pin of an empty."""
     handle = target.handle
     if handle is None or is_absent(handle, depsgraph.scene):
-        raise AimError(f"The pin '{title_of(target)}' has no handle: remove it from the list")
+        raise AimError("The pin '{0}' has no handle: remove it from the list", title_of(target))
     position = np.array(target.position, np.float64)[:, None]
     if not ((position >= 0.0) & (position <= 1.0)).all():
-        raise AimError(f"The pin '{title_of(target)}' is outside the picture: move it into it")
+        raise AimError("The pin '{0}' is outside the picture: move it into it", title_of(target))
     matrix = np.array(handle.evaluated_get(depsgraph).matrix_world, np.float64)
     direction = -matrix[:3, 2:3] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
     return AimPins(
@@ -196,7 +202,9 @@ def own_pin(target, depsgraph) -> AimPins:
 def _line(target, by_handle: dict[int, int]) -> tuple[int, int]:
     ends = [by_handle.get(end.session_uid) if end else None for end in (target.first, target.second)]
     if ends[0] is None or ends[1] is None or ends[0] == ends[1]:
-        raise AimError(f"The line '{title_of(target)}' needs two pins that are in use: choose their handles")
+        raise AimError(
+            "The line '{0}' needs two pins that are in use: choose their handles", title_of(target)
+        )
     return ends[0], ends[1]
 
 
@@ -257,7 +265,7 @@ def _stays(
             free = wanted | ~arrays.triangles_of(objects)
         elif target.mask is None:
             raise AimError(
-                f"The stay '{title_of(target)}' is empty: choose a collection, an object or a mask"
+                "The stay '{0}' is empty: choose a collection, an object or a mask", title_of(target)
             )
         found = find_stays(before, arrays.scene, pins, np.zeros(pins.count), free, width, LOCKED_GRID)
         weights = found.weights * LOCKED * target.weight
@@ -272,5 +280,5 @@ def _mask_values(image, positions: Array) -> Array:
     """The first channel of an image at positions (2, N), (N,)."""
     pixels = mask_pixels(image)
     if pixels is None:
-        raise AimError(f"The mask '{image.name}' has no pixels: load or paint it")
+        raise AimError("The mask '{0}' has no pixels: load or paint it", image.name)
     return values_at(pixels, positions)

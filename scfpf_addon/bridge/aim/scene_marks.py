@@ -36,7 +36,7 @@ def view_lines(target, depsgraph) -> Array:
     depth = float(own[2].mean())
     scale = np.ones(8) if is_parallel else depth / np.minimum(own[2], depth * 1e-3)
     if not is_parallel and depth >= 0.0:
-        raise AimError(f"'{target.eye.name}' looks away")
+        raise AimError("'{0}' looks away", target.eye.name)
     flat = own[:2] * scale
     (left, low), (right, high) = flat.min(axis=1), flat.max(axis=1)
     x, y = np.array([[left, right, right, left], [low, low, high, high]])

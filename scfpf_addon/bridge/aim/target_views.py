@@ -7,6 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...projection.aim.view_map import ViewMap
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import absent_text, is_absent
@@ -19,7 +20,7 @@ SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 SMALLEST_RADIUS = 1e-4
 
 
-class AimError(ValueError):
+class AimError(TemplateError):
     """Aiming is not possible; the message says what to do."""
 
 
@@ -74,12 +75,12 @@ def view_map(target, depsgraph, aspect: float) -> ViewMap:
     """The map from points to a view. aspect: of the image. Raises AimError or FrustumError."""
     title, eye = title_of(target), target.eye
     if eye is None:
-        raise AimError(f"The view '{title}' has no camera: choose a camera or an empty under Seen From")
+        raise AimError("The view '{0}' has no camera: choose a camera or an empty under Seen From", title)
     if is_absent(eye, depsgraph.scene):
         raise AimError(absent_text(eye, depsgraph.scene, "choose another camera under Seen From"))
     objects = target_objects(target)
     if not objects:
-        raise AimError(f"The view '{title}' shows nothing: choose a collection or an object with faces")
+        raise AimError("The view '{0}' shows nothing: choose a collection or an object with faces", title)
     low, high = thing_box(objects, depsgraph)
     made = ViewMap(
         to_eye=np.linalg.inv(placement(eye.evaluated_get(depsgraph))),
@@ -92,7 +93,7 @@ def view_map(target, depsgraph, aspect: float) -> ViewMap:
         aspect=aspect,
     )
     if not made.is_visible:
-        raise AimError(f"'{eye.name}' looks away from '{title}': turn it towards what the view shows")
+        raise AimError("'{0}' looks away from '{1}': turn it towards what the view shows", eye.name, title)
     return made
 
 

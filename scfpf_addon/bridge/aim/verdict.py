@@ -35,7 +35,7 @@ def require_better(camera, inputs: AimInputs, found: Judgement, old: Judgement) 
     """Raise AimError if a solution makes the image worse."""
     reason = found.worse_than(old)
     if reason:
-        raise AimError(f"Not taken, because {WORSE[reason]}: {_contradiction(camera, inputs) or REMEDY}")
+        raise AimError("Not taken, because {0}: {1}", WORSE[reason], _contradiction(camera, inputs) or REMEDY)
 
 
 def _contradiction(camera, inputs: AimInputs) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...projection.file_values import LARGEST_LENGTH
+from ...projection.template_error import TemplateError
 
 UV_LAYER = "UVMap"
 # Vertices whose UVs differ by less share a grid line: float32 UVs of a line agree to about 1e-7, and no
@@ -16,7 +17,7 @@ UV_LINE_GAP = 1e-4
 UV_CELL_TOLERANCE = 1e-2
 
 
-class SurfaceError(ValueError):
+class SurfaceError(TemplateError):
     """An object cannot be read as a control surface of its kind; the message has the remedy."""
 
 
@@ -24,9 +25,9 @@ def write_grid(mesh, points) -> None:
     """Replace a mesh by a grid of quadrilaterals with its UV map. points: (rows, columns, 3)."""
     points = np.asarray(points, np.float64)
     if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < 2:
-        raise SurfaceError(f"A grid needs rows × columns × 3 numbers, at least 2 × 2, got {points.shape}")
+        raise SurfaceError("A grid needs rows × columns × 3 numbers, at least 2 × 2, got {0}", points.shape)
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(f"A grid's points must be numbers up to {LARGEST_LENGTH:g}")
+        raise SurfaceError("A grid's points must be numbers up to {0:g}", LARGEST_LENGTH)
     rows, columns = points.shape[:2]
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     corners = np.stack([first, first + 1, first + columns + 1, first + columns], 1).ravel()
@@ -53,7 +54,7 @@ def grid_points(evaluated_object):
     try:
         layer = uv_layer(mesh)
         if not mesh.vertices or layer is None:
-            raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
+            raise SurfaceError("'{0}' has no vertices with a UV map: a grid surface needs both", name)
         points = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", points)
         corners = np.empty(len(mesh.loops), np.int32)
@@ -70,8 +71,10 @@ def require_finite(name: str, points) -> None:
     """Raise SurfaceError if vertices, an array of any shape, are NaN, infinite or too far away."""
     if not (np.abs(points) <= LARGEST_LENGTH).all():
         raise SurfaceError(
-            f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
-            "look for the modifier or shape key that moves them there"
+            "'{0}' has vertices that are not finite or farther out than {1:g}: look for the "
+            "modifier or shape key that moves them there",
+            name,
+            LARGEST_LENGTH,
         )
 
 
@@ -90,17 +93,22 @@ def _grid_order(name: str, count: int, corners, uv):
     of_vertex = np.full((count, 2), np.nan)
     of_vertex[corners] = uv
     if not np.isfinite(of_vertex).all():
-        raise SurfaceError(f"'{name}' has loose vertices or broken UVs: every vertex must belong to a face")
+        raise SurfaceError("'{0}' has loose vertices or broken UVs: every vertex must belong to a face", name)
     if np.abs(of_vertex[corners] - uv).max() > UV_LINE_GAP:
         raise SurfaceError(
-            f"'{name}' has a seam in its UV map: a grid surface needs one UV "
-            "for each vertex; or make it a UV Mesh"
+            "'{0}' has a seam in its UV map: a grid surface needs one UV for each vertex; or "
+            "make it a UV Mesh",
+            name,
         )
     columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
     if min(rows, columns) < 2 or rows * columns != count:
         raise SurfaceError(
-            f"'{name}' is not a regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
-            "make it a UV Mesh"
+            "'{0}' is not a regular grid: its UV map has {1} × {2} places for {3} vertices; "
+            "make it a UV Mesh",
+            name,
+            columns,
+            rows,
+            count,
         )
     place = of_vertex * (columns - 1, rows - 1)
     nearest = np.rint(place)
@@ -108,7 +116,8 @@ def _grid_order(name: str, count: int, corners, uv):
     even = np.abs(place - nearest).max() < UV_CELL_TOLERANCE
     if not even or not np.array_equal(np.sort(index), np.arange(count)):
         raise SurfaceError(
-            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid, "
-            "or make it a UV Mesh"
+            "'{0}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular "
+            "grid, or make it a UV Mesh",
+            name,
         )
     return np.argsort(index).reshape(rows, columns)

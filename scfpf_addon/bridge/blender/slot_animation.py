@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import NoReturn
 
+from ...projection.template_error import TemplateError
+
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
 SURFACES, MAPPINGS, AIM_TARGETS, LAYERS = "surfaces", "mappings", "aim_targets", "layers"
 BLEND_MORE = "blend_more"
@@ -23,7 +25,7 @@ ACTIVE = {
 }
 
 
-class SlotError(ValueError):
+class SlotError(TemplateError):
     """Blender can neither move nor remove an item of a list; the message has the reason and the remedy."""
 
 
@@ -40,9 +42,10 @@ def require_own_items(settings, *names: str) -> None:
 
 def _refuse(settings) -> NoReturn:
     raise SlotError(
-        f"'{settings.id_data.name}' is a library override: surfaces, mappings, targets and layers of its "
-        "file can be neither moved nor removed here; make the camera local "
-        "(Object > Relations > Make Local), or edit that file"
+        "'{0}' is a library override: surfaces, mappings, targets and layers of its file "
+        "can be neither moved nor removed here; make the camera local (Object > Relations "
+        "> Make Local), or edit that file",
+        settings.id_data.name,
     )
 
 

@@ -27,7 +27,7 @@ from .camera_blend import (
 TOLERANCE = 1 / 256
 # The most frames that are looked at: their shapes are kept in the file.
 MOST_FRAMES = 2000
-NO_FIELD = "The map of '{}' cannot be read in frame {}: choose a map or load its image"
+NO_FIELD = "The map of '{0}' cannot be read in frame {1}: choose a map or load its image"
 
 
 def bake_map(camera, scene, start: int, end: int) -> int:
@@ -36,11 +36,11 @@ def bake_map(camera, scene, start: int, end: int) -> int:
     Before and after these frames the map stays as in the first and the last one. Raises BlendError.
     """
     if not 0 < end - start <= MOST_FRAMES:
-        raise BlendError(f"Choose an end after the start, at most {MOST_FRAMES} frames later")
+        raise BlendError("Choose an end after the start, at most {0} frames later", MOST_FRAMES)
     write_field(camera)
     surfaces, now = blend_surfaces(camera), scene.frame_current
     if not surfaces:
-        raise BlendError(f"'{camera.name}' has no surfaces of a blend: press Update Blend")
+        raise BlendError("'{0}' has no surfaces of a blend: press Update Blend", camera.name)
     frames = list(range(start, end + 1))
     factors: list[list[Array]] = [[] for _ in surfaces]
     try:
@@ -51,7 +51,7 @@ def bake_map(camera, scene, start: int, end: int) -> int:
             for own, surface in zip(factors, surfaces, strict=True):
                 found = end_weights(camera, surface, fields) if is_known else None
                 if found is None:
-                    raise BlendError(NO_FIELD.format(camera.name, frame))
+                    raise BlendError(NO_FIELD, camera.name, frame)
                 own.append(found)
     finally:
         scene.frame_set(now)

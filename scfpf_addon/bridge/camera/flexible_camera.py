@@ -12,6 +12,7 @@ from mathutils import Matrix
 
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.template_error import TemplateError
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import (
@@ -33,7 +34,7 @@ from .ordinary_camera import frustum
 from .shown_lens import approximate_lens, size_frame
 
 
-class FlexibleCameraError(ValueError):
+class FlexibleCameraError(TemplateError):
     """An operation is not possible with a camera or an object; the message says what to do."""
 
 
@@ -63,10 +64,10 @@ def make_flexible(camera) -> None:
 
 def _require_camera(camera) -> None:
     if camera.type != "CAMERA":
-        raise FlexibleCameraError(f"'{camera.name}' is not a camera: select a camera object")
+        raise FlexibleCameraError("'{0}' is not a camera: select a camera object", camera.name)
     if not camera.is_editable:
         raise FlexibleCameraError(
-            f"'{camera.name}' is linked from another file: make a library override of it first"
+            "'{0}' is linked from another file: make a library override of it first", camera.name
         )
 
 
@@ -81,10 +82,10 @@ def editable_surfaces(camera, indices=None) -> list:
         surface = slots[index].object
         if surface is None:
             raise FlexibleCameraError(
-                f"Control surface {index + 1} of '{camera.name}' is empty: remove it from the list"
+                "Control surface {0} of '{1}' is empty: remove it from the list", index + 1, camera.name
             )
         if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
-            raise FlexibleCameraError(f"'{surface.name}' is linked from another file: make it local first")
+            raise FlexibleCameraError("'{0}' is linked from another file: make it local first", surface.name)
         if surface not in found:
             found.append(surface)
     return found
@@ -115,7 +116,7 @@ def _place(camera, surface, matrix) -> None:
 def _require_room(camera) -> None:
     if len(camera.scfpf.surfaces) >= MAXIMUM_SURFACES:
         raise FlexibleCameraError(
-            f"'{camera.name}' has {MAXIMUM_SURFACES} control surfaces, the most that a volume may have"
+            "'{0}' has {1} control surfaces, the most that a volume may have", camera.name, MAXIMUM_SURFACES
         )
 
 
@@ -143,7 +144,8 @@ def require_attachable(camera, surface) -> None:
     _require_room(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"
+            "'{0}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice",
+            surface.name,
         )
 
 
@@ -191,7 +193,7 @@ def remove_surface(camera, index: int) -> None:
 
 def _require_place(camera, index: int) -> None:
     if not 0 <= index < len(camera.scfpf.surfaces):
-        raise FlexibleCameraError(f"'{camera.name}' has no control surface at place {index + 1}")
+        raise FlexibleCameraError("'{0}' has no control surface at place {1}", camera.name, index + 1)
 
 
 def move_surface(camera, index: int, step: int) -> int:
@@ -241,7 +243,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     """
     _require_camera(camera)
     if not (math.isfinite(scale) and scale > 0):
-        raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
+        raise FlexibleCameraError("A preset's scale must be a number above 0, not {0}", scale)
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     fitted = preset.fitted(aspect)
     replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
@@ -309,7 +311,7 @@ def volume_from_camera(camera, scene) -> None:
     near, far = frustum(camera, scene)
     sizes = np.linalg.norm(np.array(camera.matrix_world, np.float64)[:3, :3], axis=0)
     if not (np.isfinite(sizes).all() and sizes.min() > 0):
-        raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+        raise FlexibleCameraError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
     # The camera object's scale acts on its children but not on its own view.
     undo_scale = np.diag([*(1 / sizes), 1.0])
     planes = [

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.surfaces.surface import Plane
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ..blender.scene_objects import missing_text
 
 
-class FrustumError(ValueError):
+class FrustumError(TemplateError):
     """A camera has no frustum; the message has the remedy."""
 
 
@@ -38,11 +39,12 @@ def frustum(camera, scene) -> tuple[End, End]:
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(
-            f"'{camera.name}' is neither a perspective nor an orthographic camera: change its lens type, "
-            "or load a panorama from the presets"
+            "'{0}' is neither a perspective nor an orthographic camera: change its lens type, "
+            "or load a panorama from the presets",
+            camera.name,
         )
     if lens.clip_start >= lens.clip_end:
-        raise FrustumError(f"'{camera.name}' ends where it starts: its clip end must exceed its clip start")
+        raise FrustumError("'{0}' ends where it starts: its clip end must exceed its clip start", camera.name)
     # Corners on one plane across the view: top right, bottom right, bottom left, top left.
     frame = np.array(lens.view_frame(scene=scene), np.float64)
     right_top, left_bottom = frame[0], frame[2]
@@ -89,7 +91,7 @@ def placement(camera) -> Array:
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     if not (np.isfinite(matrix).all() and sizes.min() > 0):
         raise FrustumError(
-            f"'{camera.name}' has no finite place or a scale of 0: clear it with Alt-G, Alt-R and Alt-S"
+            "'{0}' has no finite place or a scale of 0: clear it with Alt-G, Alt-R and Alt-S", camera.name
         )
     matrix[:3, :3] /= sizes
     return matrix

@@ -13,6 +13,7 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
@@ -41,7 +42,7 @@ COINCIDENT = 1e-7
 SAMPLES, MORE_SAMPLES = 5, 64
 
 
-class ProjectionError(ValueError):
+class ProjectionError(TemplateError):
     """The camera's viewing volume cannot be read; the message says what to do."""
 
 
@@ -52,19 +53,21 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     ProjectionError.
     """
     if camera.type != "CAMERA":
-        raise ProjectionError(f"'{camera.name}' is not a camera: select one")
+        raise ProjectionError("'{0}' is not a camera: select one", camera.name)
     if not (math.isfinite(aspect) and aspect > 0):
         raise ProjectionError("The picture has no size: set its resolution in Output Properties")
     settings = camera.evaluated_get(depsgraph).scfpf
     listed = _listed_surfaces(camera)
     for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
         if start == end:
-            raise ProjectionError(f"The {axis} range of '{camera.name}' is empty: give it two different ends")
+            raise ProjectionError(
+                "The {0} range of '{1}' is empty: give it two different ends", axis, camera.name
+            )
     surfaces = [read_surface(surface, camera.original, depsgraph) for surface in listed]
     try:
         mappings = read_mappings(camera, depsgraph)
     except MappingError as error:
-        raise ProjectionError(str(error)) from error
+        raise ProjectionError("{0}", error) from error
     projection = Projection(
         volume=_volume(camera.name, surfaces, settings),
         reparameterisation=seen_through(mappings, reparameterisation(settings.reparameterisation)),
@@ -75,13 +78,16 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     points = _some_projectors(projection)
     if points.shape[2] == 0:
         raise ProjectionError(
-            f"'{camera.name}' has no projector: the UV maps of its control surfaces and the ranges of U and "
-            "V have no place in common; move islands in the UV Editor, or widen the ranges"
+            "'{0}' has no projector: the UV maps of its control surfaces and the ranges of U "
+            "and V have no place in common; move islands in the UV Editor, or widen the "
+            "ranges",
+            camera.name,
         )
     if np.ptp(points, axis=0).max() <= COINCIDENT * np.ptp(points, axis=(0, 2)).max():
         raise ProjectionError(
-            f"All control surfaces of '{camera.name}' lie in one place, so that no projector has a length: "
-            f"{_way_out(listed)}"
+            "All control surfaces of '{0}' lie in one place, so that no projector has a length: {1}",
+            camera.name,
+            _way_out(listed),
         )
     return projection
 
@@ -96,7 +102,7 @@ def world_to_camera(camera) -> Array:
     """The (4, 4) matrix from world space to the space of a camera's children. Raises ProjectionError."""
     world = np.array(camera.matrix_world, np.float64)
     if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
-        raise ProjectionError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+        raise ProjectionError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
     return np.linalg.inv(world)
 
 
@@ -105,17 +111,26 @@ def _listed_surfaces(camera) -> list:
     slots = camera.original.scfpf.surfaces
     if len(slots) < 2 and not is_lattice_volume(slots):
         raise ProjectionError(
-            f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
-            "a viewing volume needs at least two; add one in the camera's properties or load a preset"
+            "'{0}' has 1 control surface: a viewing volume needs at least two; add one in the camera's "
+            "properties or load a preset"
+            if slots
+            else "'{0}' has no control surface: a viewing volume needs at least two; add one in the camera's "
+            "properties or load a preset",
+            camera.name,
         )
     if len(slots) > MAXIMUM_SURFACES:
         raise ProjectionError(
-            f"'{camera.name}' has {len(slots)} control surfaces: a volume may have {MAXIMUM_SURFACES} at most"
+            "'{0}' has {1} control surfaces: a volume may have {2} at most",
+            camera.name,
+            len(slots),
+            MAXIMUM_SURFACES,
         )
     for number, slot in enumerate(slots, 1):
         if slot.object is None:
             raise ProjectionError(
-                f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
+                "Control surface {0} of '{1}' is empty: choose an object for it or remove it",
+                number,
+                camera.name,
             )
     return [slot.object for slot in slots]
 
@@ -169,8 +184,9 @@ def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> 
     if len(read) == 1 and isinstance(first, PlacedLattice):
         if len(first.lattice.moved) < 2:
             raise ProjectionError(
-                f"The lattice of '{name}' has one layer: give it two or more points along W, "
-                "or the camera another control surface"
+                "The lattice of '{0}' has one layer: give it two or more points along W, or the "
+                "camera another control surface",
+                name,
             )
         return first.lattice.volume(first.matrix)
     surfaces: list[ControlSurface] = []
@@ -188,27 +204,31 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
     if lost := missing_text(surface):
-        raise ProjectionError(f"Control surface {lost}")
+        raise ProjectionError("Control surface {0}", lost)
     if is_absent(surface, depsgraph.scene):
         lost = absent_text(surface, depsgraph.scene, "remove it from the list with -", camera)
-        raise ProjectionError(f"Control surface {lost}")
+        raise ProjectionError("Control surface {0}", lost)
     if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
         raise ProjectionError(
-            f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface nor a lattice: "
-            "remove it from the camera's list"
+            "'{0}' is of type {1}, neither a mesh nor a surface nor a lattice: remove it from "
+            "the camera's list",
+            name,
+            surface.type.title(),
         )
     if surface.type == "SURFACE" and kind not in {"NONE", nurbs_object.KIND}:
-        raise ProjectionError(f"'{name}' is a surface object: set its kind to {nurbs_object.TITLE}")
+        raise ProjectionError("'{0}' is a surface object: set its kind to {1}", name, nurbs_object.TITLE)
     if surface.type == "LATTICE" and kind not in {"NONE", lattice_object.KIND}:
-        raise ProjectionError(f"'{name}' is a lattice: set its kind to {lattice_object.TITLE}")
+        raise ProjectionError("'{0}' is a lattice: set its kind to {1}", name, lattice_object.TITLE)
     if kind == "NONE":
         raise ProjectionError(
-            f"'{name}' is not a control surface: choose its kind, or remove it from the camera's list"
+            "'{0}' is not a control surface: choose its kind, or remove it from the camera's list", name
         )
     if not is_evaluated(camera, surface, depsgraph):
         raise ProjectionError(
-            f"Control surface '{name}' is hidden and the camera's volume object is missing or disabled, "
-            "so that its present shape is unknown: show it, or press Render, which restores the volume object"
+            "Control surface '{0}' is hidden and the camera's volume object is missing or "
+            "disabled, so that its present shape is unknown: show it, or press Render, which "
+            "restores the volume object",
+            name,
         )
     evaluated = surface.evaluated_get(depsgraph)
     matrix = _matrix(evaluated)
@@ -227,11 +247,11 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
             return read_reshaped(evaluated, matrix)
         parameters = surface_parameters(evaluated)
     except SurfaceError as error:
-        raise ProjectionError(str(error)) from error
+        raise ProjectionError("{0}", error) from error
     for key, value in parameters.items():
         if not math.isfinite(value):
             raise ProjectionError(
-                f"The {key.replace('_', ' ')} of '{name}' is not finite: check its animation and drivers"
+                "The {0} of '{1}' is not finite: check its animation and drivers", key.replace("_", " "), name
             )
     return surface_from_parameters(kind, parameters, None, matrix)
 
@@ -249,12 +269,13 @@ def _matrix(evaluated):
     matrix = np.array(evaluated.matrix_world, np.float64)
     if not (np.abs(matrix) < LARGEST_COORDINATE).all():
         raise ProjectionError(
-            f"The location, rotation or scale of '{name}' is not finite or far too large: "
-            "clear it with Alt-G, Alt-R and Alt-S"
+            "The location, rotation or scale of '{0}' is not finite or far too large: clear "
+            "it with Alt-G, Alt-R and Alt-S",
+            name,
         )
     sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if evaluated.scfpf_surface.kind != "POINT" and sizes[-1] <= FLAT_SHARE * sizes[0]:
         raise ProjectionError(
-            f"'{name}' has no size along at least one axis: no scale, its own or a parent's, may be 0"
+            "'{0}' has no size along at least one axis: no scale, its own or a parent's, may be 0", name
         )
     return matrix

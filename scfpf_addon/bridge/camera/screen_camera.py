@@ -53,7 +53,8 @@ def volume_from_screen(camera, screen, points, scene_corners) -> None:
     nearest = float(distances.min())
     if nearest <= ON_SCREEN * float(np.ptp(points, axis=1).max()):
         raise FlexibleCameraError(
-            f"The eye is on '{screen.name}': move the camera or empty that is the eye, or the 3D cursor, away"
+            "The eye is on '{0}': move the camera or empty that is the eye, or the 3D cursor, away",
+            screen.name,
         )
     farthest = float(np.linalg.norm(np.asarray(scene_corners) - eye, axis=1).max(initial=0.0))
     far = max(FAR_MARGIN * farthest / nearest, LEAST_FAR)

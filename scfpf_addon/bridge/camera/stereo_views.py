@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from ..blender.rig_mark import camera_behind
 from .ordinary_camera import placement
@@ -27,7 +28,7 @@ EYES: dict[str, Eye] = {"left": "LEFT", "right": "RIGHT"}
 SPHERICAL_TYPES = {"PERSP", "PANO", "CUSTOM"}
 
 
-class MultiViewError(ValueError):
+class MultiViewError(TemplateError):
     """A view that cannot be rendered; the message says what to do."""
 
 
@@ -48,8 +49,9 @@ def view_camera(chosen, render):
     camera = camera_behind(chosen)
     if camera != chosen and render.use_multiview and render.views_format == "MULTIVIEW":
         raise MultiViewError(
-            f"The views have no cameras of their own while '{camera.name}' renders with Cycles: "
-            "press Remove Cycles Setup"
+            "The views have no cameras of their own while '{0}' renders with Cycles: press "
+            "Remove Cycles Setup",
+            camera.name,
         )
     return camera
 

@@ -72,7 +72,7 @@ def _require_plain_points(surface) -> None:
     ):
         if exists:
             raise FlexibleCameraError(
-                f"'{surface.name}' has {what}, which new points would lose: apply or remove them first"
+                "'{0}' has {1}, which new points would lose: apply or remove them first", surface.name, what
             )
 
 
@@ -93,7 +93,7 @@ def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
     read = read_surface(surface, camera, depsgraph)
     if isinstance(read, PlacedLattice):
         raise FlexibleCameraError(
-            f"'{surface.name}' is a lattice, which is several control surfaces: choose another one"
+            "'{0}' is a lattice, which is several control surfaces: choose another one", surface.name
         )
     world = np.array(surface.evaluated_get(depsgraph).matrix_world, np.float64)
     return read.transformed(np.linalg.inv(world))
@@ -111,10 +111,10 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == "GRID":
-        raise FlexibleCameraError(f"'{surface.name}' is a grid already")
+        raise FlexibleCameraError("'{0}' is a grid already", surface.name)
     if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot become a grid: choose a surface that is not a lattice"
+            "'{0}' cannot become a grid: choose a surface that is not a lattice", surface.name
         )
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)
@@ -133,8 +133,8 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
 def _require_one_island(surface, shape: ControlSurface) -> None:
     if len(np.unique(shape.evaluate(*lattice(ISLAND_SAMPLES, ISLAND_SAMPLES)).tile)) > 1:
         raise FlexibleCameraError(
-            f"'{surface.name}' has several islands in its UV map, and a grid is one: "
-            "stitch them, or keep the UV mesh"
+            "'{0}' has several islands in its UV map, and a grid is one: stitch them, or keep the UV mesh",
+            surface.name,
         )
 
 
@@ -159,8 +159,9 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     owners = (surface, surface.data, surface.data.shape_keys)
     if surface.constraints or any(has_other_animation(owner) for owner in owners if owner is not None):
         raise FlexibleCameraError(
-            f"'{surface.name}' has constraints or animation, which the new object would not have: "
-            "apply or remove them first"
+            "'{0}' has constraints or animation, which the new object would not have: apply "
+            "or remove them first",
+            surface.name,
         )
     name = surface.name
     new = surface_object.new_surface(name, kind, parameters, points)
@@ -199,10 +200,10 @@ def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, sha
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == nurbs_object.KIND:
-        raise FlexibleCameraError(f"'{surface.name}' is a {nurbs_object.TITLE} already")
+        raise FlexibleCameraError("'{0}' is a {1} already", surface.name, nurbs_object.TITLE)
     if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot become a surface patch: choose a surface that is not a lattice"
+            "'{0}' cannot become a surface patch: choose a surface that is not a lattice", surface.name
         )
     shape = _evaluated_shape(camera, surface, depsgraph)
     _require_one_island(surface, shape)
@@ -226,11 +227,11 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
     kind = surface.scfpf_surface.kind
     if kind == lattice_object.KIND:
         raise FlexibleCameraError(
-            f"'{surface.name}' is a lattice: set its points in its Object Data properties"
+            "'{0}' is a lattice: set its points in its Object Data properties", surface.name
         )
     if kind not in {"PATCH", "GRID", nurbs_object.KIND}:
         raise FlexibleCameraError(
-            f"'{surface.name}' has no control points to subdivide: convert it to a grid or a patch first"
+            "'{0}' has no control points to subdivide: convert it to a grid or a patch first", surface.name
         )
     if not (along_u or along_v):
         raise FlexibleCameraError("Choose a direction to subdivide in: U, V or both")
@@ -243,7 +244,9 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
     rows, columns = (count - 1 for count in grid_points(surface).shape[:2])
     columns, rows = columns * (1 + along_u), rows * (1 + along_v)
     if max(columns, rows) > MOST_FACES:
-        raise FlexibleCameraError(f"'{surface.name}' would have more than {MOST_FACES} faces along an axis")
+        raise FlexibleCameraError(
+            "'{0}' would have more than {1} faces along an axis", surface.name, MOST_FACES
+        )
     _become_grid(camera, surface, sampled(own_shape(surface), columns + 1, rows + 1))
     return columns + 1, rows + 1
 
@@ -257,10 +260,10 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
-        raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
+        raise FlexibleCameraError("'{0}' cannot be equalized: choose another control surface", surface.name)
     if kind == "POINT":
         raise FlexibleCameraError(
-            f"'{surface.name}' is a point, which has no steps: choose another control surface"
+            "'{0}' is a point, which has no steps: choose another control surface", surface.name
         )
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)

@@ -39,7 +39,9 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
     kind = surface.scfpf_surface.kind
     if surface.type != (BLENDER_KINDS[kind].object_type if kind in BLENDER_KINDS else "MESH"):
         raise FlexibleCameraError(
-            f"'{surface.name}' is of type {surface.type.title()}, not of its kind: choose another kind first"
+            "'{0}' is of type {1}, not of its kind: choose another kind first",
+            surface.name,
+            surface.type.title(),
         )
     if kind == nurbs_object.KIND:
         order = nurbs_object.reversed_order(surface, axis)
@@ -47,18 +49,19 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
     if kind == lattice_object.KIND:
         if surface.modifiers or surface.data.shape_keys is not None or has_other_animation(surface):
             raise FlexibleCameraError(
-                f"'{surface.name}' has modifiers, shape keys or animation that would not be mirrored: "
-                "apply or remove them first"
+                "'{0}' has modifiers, shape keys or animation that would not be mirrored: apply "
+                "or remove them first",
+                surface.name,
             )
         return partial(_mirror_lattice, surface, axis)
     if kind in PARAMETRIC_KINDS:
         return _parametric_mirror(surface, depsgraph, axis)
     if kind not in MESH_KINDS:
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be mirrored: choose another kind of control surface first"
+            "'{0}' cannot be mirrored: choose another kind of control surface first", surface.name
         )
     if surface.data.uv_layers.active is None:
-        raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
+        raise FlexibleCameraError("'{0}' has no UV map: unwrap it as a regular grid", surface.name)
     return partial(_mirror_uv, surface, "UV".index(axis))
 
 
@@ -68,19 +71,19 @@ def _parametric_mirror(surface, depsgraph, axis: str) -> Callable[[], None]:
         return lambda: None
     if is_changed_otherwise(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' has modifiers or animation that would not be mirrored: "
-            "convert it to a grid first"
+            "'{0}' has modifiers or animation that would not be mirrored: convert it to a grid first",
+            surface.name,
         )
     parameters = surface_parameters(surface.evaluated_get(depsgraph))
     try:
         matrix, parameters = mirrored(kind, parameters, axis)
     except EditingError as error:
-        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+        raise FlexibleCameraError("'{0}': {1}", surface.name, error) from error
     placed = surface.matrix_basis @ Matrix(matrix.tolist())
     if not np.allclose(placed, Matrix.LocRotScale(*placed.decompose()), rtol=SHEAR, atol=SHEAR):
         raise FlexibleCameraError(
-            f"'{surface.name}' is scaled unevenly and cannot be mirrored: apply its scale, "
-            "or convert it to a grid first"
+            "'{0}' is scaled unevenly and cannot be mirrored: apply its scale, or convert it to a grid first",
+            surface.name,
         )
 
     def mirror():

@@ -91,22 +91,25 @@ def _scaled_parameters(surface, factors: Array) -> dict[str, float]:
     """The parameters of a surface whose scale can become sizes. Raises FlexibleCameraError."""
     kind = surface.scfpf_surface.kind
     if kind not in PARAMETRIC_KINDS:
-        raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
+        raise FlexibleCameraError(
+            "'{0}' has points: apply its scale with Object > Apply > Scale", surface.name
+        )
     if not _is_fixed(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' has modifiers, constraints or animation, which another scale would change: "
-            "convert it to a grid first"
+            "'{0}' has modifiers, constraints or animation, which another scale would change: "
+            "convert it to a grid first",
+            surface.name,
         )
     try:
         parameters = scaled(kind, surface_parameters(surface), factors)
     except EditingError as error:
-        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+        raise FlexibleCameraError("'{0}': {1}", surface.name, error) from error
     if factors.min() == 0.0:
-        raise FlexibleCameraError(f"'{surface.name}' has a scale of 0: clear it with Alt-S")
+        raise FlexibleCameraError("'{0}' has a scale of 0: clear it with Alt-S", surface.name)
     axes = np.array(surface.matrix_world, np.float64)[:3, :3] / factors
     if np.abs(axes.T @ axes - np.eye(3)).max() > SHEAR:
         raise FlexibleCameraError(
-            f"'{surface.name}' is sheared, as its parents are scaled unevenly: convert it to a grid first"
+            "'{0}' is sheared, as its parents are scaled unevenly: convert it to a grid first", surface.name
         )
     return parameters
 

@@ -44,7 +44,9 @@ def _children(camera) -> list:
     for surface in surfaces:
         if surface.parent != camera or surface.parent_type != "OBJECT":
             raise FlexibleCameraError(
-                f"'{surface.name}' is not a child of '{camera.name}': parent it to the camera (Ctrl-P) first"
+                "'{0}' is not a child of '{1}': parent it to the camera (Ctrl-P) first",
+                surface.name,
+                camera.name,
             )
     return surfaces
 
@@ -63,8 +65,9 @@ def fit_to_image(camera, depsgraph, aspect: float) -> None:
     settings = camera.scfpf
     if settings.fit == "NONE":
         raise FlexibleCameraError(
-            f"The volume of '{camera.name}' does not depend on the picture's shape: choose Width, "
-            f"Height or Crop for Fit first"
+            "The volume of '{0}' does not depend on the picture's shape: choose Width, Height "
+            "or Crop for Fit first",
+            camera.name,
         )
     stretch = aspect / settings.fitted_aspect
     projection = read_own_projection(camera, depsgraph, aspect)
@@ -108,7 +111,7 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
     scale = _least_scale(holds, FIRST_SHARE * reach / size)
     if scale is None:
         raise FlexibleCameraError(
-            f"The volume of '{camera.name}' holds nothing around its middle: it is flat or folded there"
+            "The volume of '{0}' holds nothing around its middle: it is flat or folded there", camera.name
         )
     sizes = np.diag([scale, scale, scale, 1.0])
     for surface in surfaces:

@@ -62,7 +62,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
     """Read the layers of a camera that are switched on and complete.
 
     aspect: of the image. eye: of a stereoscopic scene; each layer's camera has its own two. Raises
-    ProjectionError or FrustumError, with the layer's name.
+    ProjectionError, with the layer's name.
     """
     evaluated = camera.evaluated_get(depsgraph)
     place = np.array(eye_place(evaluated, eye)[:3, 3], np.float64) if evaluated.scfpf.layers else None
@@ -79,7 +79,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         try:
             projection = _view(own.camera, frame, depsgraph, aspect, eye)
         except (ProjectionError, FrustumError) as error:
-            raise type(error)(f"Layer '{own.name}': {error}") from error
+            raise ProjectionError("Layer '{0}': {1}", own.name, error) from error
         mask = None if own.mask is None else mask_pixels(own.mask)
         if mask is None and own.mask is not None:
             warnings.append(

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, MAXIMUM_MAPPINGS
+from ...projection.template_error import TemplateError
 from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import MAPPINGS, clear_slots, remove_slot
@@ -30,7 +31,7 @@ GRID_SHAPE = (5, 7)
 GRID_CLIP_STARTS, GRID_DISTANCE = 4.0, 1.0
 
 
-class MappingError(ValueError):
+class MappingError(TemplateError):
     """A mapping of the image cannot be made or used; the message has the remedy."""
 
 
@@ -102,7 +103,7 @@ def add_mapping(camera, kind: str, name: str):
     """Append a mapping to a camera's stack and make it active. Raises MappingError for too many mappings."""
     settings = camera.scfpf
     if len(settings.mappings) >= MAXIMUM_MAPPINGS:
-        raise MappingError(f"A camera has at most {MAXIMUM_MAPPINGS} mappings: remove one first")
+        raise MappingError("A camera has at most {0} mappings: remove one first", MAXIMUM_MAPPINGS)
     mapping = settings.mappings.add()
     mapping.name = name
     mapping.kind = kind

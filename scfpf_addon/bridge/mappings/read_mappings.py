@@ -65,7 +65,7 @@ def stored_mappings(camera, depsgraph) -> tuple[ImageMapping, ...]:
     for name, given in zip(names, _describe(camera, depsgraph), strict=True):
         if given.kind not in KINDS:
             raise MappingError(
-                f"'{name}' is an ST map, which a preset cannot hold: disable it, and share its image"
+                "'{0}' is an ST map, which a preset cannot hold: disable it, and share its image", name
             )
         stored.append(
             ImageMapping(
@@ -125,7 +125,7 @@ def _curve_points(mapping) -> np.ndarray:
     """The table of a curve widget, (K, 2): radii and values."""
     node = curve_node(mapping.curve)
     if node is None:
-        raise MappingError(f"The radial curve '{mapping.name}' has no curve: choose its kind again")
+        raise MappingError("The radial curve '{0}' has no curve: choose its kind again", mapping.name)
     widget = node.mapping
     widget.initialize()
     radii = np.linspace(0.0, max(widget.clip_max_x, widget.curves[0].points[-1].location[0]), CURVE_STEPS + 1)
@@ -138,16 +138,16 @@ def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
     grid = mapping.grid
     if grid is None:
         raise MappingError(
-            f"The image mapping '{mapping.name}' has no grid: choose a mesh for it, or remove it"
+            "The image mapping '{0}' has no grid: choose a mesh for it, or remove it", mapping.name
         )
     if is_absent(grid, depsgraph.scene):
         lost = absent_text(grid, depsgraph.scene, "choose another mesh for the image mapping", camera)
-        raise MappingError(f"The grid {lost}")
+        raise MappingError("The grid {0}", lost)
     if not is_evaluated(camera, grid, depsgraph):
         raise MappingError(
-            f"The grid '{grid.name}' is hidden and its present shape unknown: press Render, or show it"
+            "The grid '{0}' is hidden and its present shape unknown: press Render, or show it", grid.name
         )
     try:
         return np.ascontiguousarray(grid_points(grid.evaluated_get(depsgraph))[..., :2])
     except SurfaceError as error:
-        raise MappingError(str(error)) from error
+        raise MappingError("{0}", error) from error

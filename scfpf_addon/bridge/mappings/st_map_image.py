@@ -65,7 +65,7 @@ def st_map_number(mapping, depsgraph) -> int:
     """
     image = mapping.image
     if image is None:
-        raise MappingError(f"The ST map '{mapping.name}' has no image: open or choose one")
+        raise MappingError("The ST map '{0}' has no image: open or choose one", mapping.name)
     key = (tuple(image.size), image.filepath, _cache.edits)
     known = _cache.present.get(image.session_uid)
     before = _cache.maps.get(known[1]) if known is not None else None
@@ -89,8 +89,9 @@ def _read_image(image) -> STMap:
     width, height = image.size
     if min(width, height) < 2 or image.channels < 2:
         raise MappingError(
-            f"'{image.name}' is not an ST map: it needs a picture of at least 2 × 2 pixels with red and "
-            "green; if its file was moved, find it with File > External Data"
+            "'{0}' is not an ST map: it needs a picture of at least 2 × 2 pixels with red and "
+            "green; if its file was moved, find it with File > External Data",
+            image.name,
         )
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import bpy
 
+from ...projection.template_error import TemplateError
 from ..blender import versions
 from ..blender.atomic_files import is_complete_image, replacing, require_writable, reserve
 
@@ -29,7 +30,7 @@ WEBP_BYTES = 5
 CUT_OFF = "the file is incomplete, as on a full disk: free some space, or write to another disk"
 
 
-class ResultError(ValueError):
+class ResultError(TemplateError):
     """An image cannot be written; the message gives the reason."""
 
 
@@ -41,7 +42,7 @@ def with_ending(path: str, scene) -> str:
     if not os.path.splitext(path)[1]:
         path += scene.render.file_extension
     if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
-        raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
+        raise ResultError("Cannot write '{0}': use one of {1}", path, ", ".join(FILE_FORMATS))
     return path
 
 
@@ -63,13 +64,13 @@ def require_place(path: str) -> None:
     """Raise ResultError if no image can be written to a path, absolute and with its ending."""
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise ResultError(f"Cannot write '{path}': there is no folder '{folder}'")
+        raise ResultError("Cannot write '{0}': there is no folder '{1}'", path, folder)
     if os.path.isdir(path):
-        raise ResultError(f"Cannot write '{path}': it is a folder")
+        raise ResultError("Cannot write '{0}': it is a folder", path)
     try:
         require_writable(Path(path))
     except OSError as error:
-        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
+        raise ResultError("Cannot write '{0}': {1}", path, error.strerror or error) from error
 
 
 def save_result(image, path: str, scene) -> str:
@@ -93,12 +94,12 @@ def save_result(image, path: str, scene) -> str:
             image.save_render(str(part), scene=scene)
             # Blender reports no error for a PNG, a TIFF or a WebP that it could not write to the end.
             if not is_complete_image(part):
-                raise ResultError(f"Cannot write '{path}': {CUT_OFF}")
+                raise ResultError("Cannot write '{0}': {1}", path, CUT_OFF)
     except RuntimeError as error:
         reason = str(error).splitlines()[0].removeprefix("Error: ")
-        raise ResultError(f"Cannot write '{path}': {reason}") from error
+        raise ResultError("Cannot write '{0}': {1}", path, reason) from error
     except OSError as error:
-        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
+        raise ResultError("Cannot write '{0}': {1}", path, error.strerror or error) from error
     return path
 
 

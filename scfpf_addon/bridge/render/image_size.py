@@ -35,8 +35,12 @@ def require_size(width: int, height: int) -> None:
         return
     there_is = f" and {short[1]} are free" if short else ""
     raise RenderError(
-        f"A picture of {width} × {height} pixels would need about {needed / 1e9:.1f} GB of memory"
-        f"{there_is}; lower the resolution or its percentage in Output Properties"
+        "A picture of {0} × {1} pixels would need about {2:.1f} GB of memory{3}; lower "
+        "the resolution or its percentage in Output Properties",
+        width,
+        height,
+        needed / 1e9,
+        there_is,
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import traceback
 
 from ...casting.common.hits import CastError
+from ...projection.template_error import TemplateError
 from ..camera.ordinary_camera import FrustumError
 from ..camera.read_projection import ProjectionError
 from ..camera.stereo_views import MultiViewError
@@ -15,7 +16,7 @@ from ..scene.render_depsgraph import RenderDepsgraphError
 NO_THREAD = "The system starts no more threads: close other programs, or restart Blender, and render again"
 
 
-class RenderError(ValueError):
+class RenderError(TemplateError):
     """A render is not possible; the message has the remedy."""
 
 

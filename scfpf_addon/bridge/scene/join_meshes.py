@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...casting.common.geometry import Geometry
 from ...casting.common.memory import shortage
 from ...casting.common.parallel import chunks, parallel_map
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from .mesh_arrays import MeshArrays, own_normals
 from .read_layers import join_layers
@@ -22,7 +23,7 @@ MAXIMUM_TRIANGLES = (2**31 - 1) // 9
 BYTES_PER_TRIANGLE = 200
 
 
-class SceneError(ValueError):
+class SceneError(TemplateError):
     """The scene cannot be read; the message says what to do."""
 
 
@@ -106,12 +107,16 @@ def _require_room(triangles: int, vertices: int) -> None:
     """Raise SceneError if no index reaches all triangles, or memory cannot hold them."""
     scene = f"The scene has {triangles:,} triangles once every instance is counted"
     if max(triangles, vertices) > MAXIMUM_TRIANGLES:
-        raise SceneError(f"{scene}, more than {MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision")
+        raise SceneError(
+            "{0}, more than {1:,}: hide instances or lower the subdivision", scene, MAXIMUM_TRIANGLES
+        )
     short = shortage(triangles * BYTES_PER_TRIANGLE)
     if short:
         raise SceneError(
-            f"{scene}, which need about {short[0]} of memory, and {short[1]} are free: hide instances or "
-            "lower the subdivision"
+            "{0}, which need about {1} of memory, and {2} are free: hide instances or lower the subdivision",
+            scene,
+            short[0],
+            short[1],
         )
 
 

@@ -14,12 +14,14 @@ from typing import TypeVar
 
 import bpy
 
+from ...projection.template_error import TemplateError
+
 ENGINE = "SCFPF_READER"
 
 _Result = TypeVar("_Result")
 
 
-class RenderDepsgraphError(ValueError):
+class RenderDepsgraphError(TemplateError):
     """Blender cannot evaluate the scene for a render; the message gives the reason."""
 
 
@@ -46,7 +48,7 @@ def with_render_depsgraph(
                 outcome.append((None, error))
 
     if scene.library:
-        raise RenderDepsgraphError(f"The scene '{scene.name}' is linked from another file: render it there")
+        raise RenderDepsgraphError("The scene '{0}' is linked from another file: render it there", scene.name)
     engine = scene.render.engine
     target = _bake_target()
     bpy.utils.register_class(SceneReader)
@@ -55,7 +57,7 @@ def with_render_depsgraph(
         scene.render.engine = ENGINE
         _bake(scene, view_layer, target)
     except RuntimeError as error:
-        raise RenderDepsgraphError(f"Blender cannot evaluate the scene: {error}") from error
+        raise RenderDepsgraphError("Blender cannot evaluate the scene: {0}", error) from error
     finally:
         scene.render.engine = engine
         bpy.utils.unregister_class(SceneReader)

@@ -37,14 +37,16 @@ def new_data(name: str, points, parameters: dict):
     shape = DEFAULT_SHAPE if points is None else np.shape(points)[:3]
     if len(shape) != 3 or min(shape) < 2 or max(shape) > MOST_POINTS:
         raise SurfaceError(
-            f"A {TITLE} needs layers × rows × columns of points, 2 to {MOST_POINTS} each, got {shape}"
+            "A {0} needs layers × rows × columns of points, 2 to {1} each, got {2}", TITLE, MOST_POINTS, shape
         )
     unknown = set(parameters) - {"interpolation"}
     if unknown:
-        raise SurfaceError(f"A {TITLE} has no parameter {min(unknown)!r}")
+        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     kind = parameters.get("interpolation", "BSPLINE")
     if kind not in INTERPOLATIONS:
-        raise SurfaceError(f"A {TITLE} is interpolated by one of {', '.join(INTERPOLATIONS)}, not {kind!r}")
+        raise SurfaceError(
+            "A {0} is interpolated by one of {1}, not {2!r}", TITLE, ", ".join(INTERPOLATIONS), kind
+        )
     data = bpy.data.lattices.new(name)
     # Without an object Blender lets the box grow with the number of points.
     sized = bpy.data.objects.new(name, data)
@@ -64,7 +66,7 @@ def new_data(name: str, points, parameters: dict):
 def write_parameters(surface, parameters: dict) -> None:
     """Write points (layers, rows, columns, 3), as many as there are. Raises SurfaceError."""
     if set(parameters) != {"points"}:
-        raise SurfaceError(f"A {TITLE} is given by its points alone, not by {sorted(parameters)}")
+        raise SurfaceError("A {0} is given by its points alone, not by {1}", TITLE, sorted(parameters))
     _write(surface.data, np.asarray(parameters["points"], np.float64))
     surface.data.update_tag()
 
@@ -77,9 +79,9 @@ def read_parameters(surface) -> dict:
 def _write(data, points) -> None:
     shape = (data.points_w, data.points_v, data.points_u, 3)
     if points.shape != shape:
-        raise SurfaceError(f"'{data.name}' has points of shape {shape}, not {points.shape}")
+        raise SurfaceError("'{0}' has points of shape {1}, not {2}", data.name, shape, points.shape)
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(f"The points of a {TITLE} must be numbers up to {LARGEST_LENGTH:g}")
+        raise SurfaceError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
     data.points.foreach_set("co_deform", points[::-1].astype(np.float32).ravel())
 
 
@@ -124,21 +126,24 @@ def read_lattice(evaluated) -> Lattice:
     name, data = evaluated.name, evaluated.data
     if evaluated.type != "LATTICE":
         raise SurfaceError(
-            f"'{name}' is of type {evaluated.type.title()}, not a lattice: choose another kind"
+            "'{0}' is of type {1}, not a lattice: choose another kind", name, evaluated.type.title()
         )
     for axis in AXES[:2]:
         if getattr(data, f"points_{axis}") < 2:
-            raise SurfaceError(f"'{name}' has one point along {axis.upper()}: give it two or more")
+            raise SurfaceError("'{0}' has one point along {1}: give it two or more", name, axis.upper())
     if data.vertex_group and data.vertex_group in evaluated.vertex_groups:
         raise SurfaceError(
-            f"'{name}' has a vertex group that weighs its effect, which a viewing volume cannot have: "
-            "clear Vertex Group in its Object Data properties"
+            "'{0}' has a vertex group that weighs its effect, which a viewing volume cannot "
+            "have: clear Vertex Group in its Object Data properties",
+            name,
         )
     rest, moved = _coordinates(data, "co"), _coordinates(data, "co_deform")
     if not (np.abs(moved) <= LARGEST_LENGTH).all():
         raise SurfaceError(
-            f"'{name}' has points that are not finite or farther out than {LARGEST_LENGTH:g}: "
-            "look for the modifier or shape key that moves them there"
+            "'{0}' has points that are not finite or farther out than {1:g}: look for the "
+            "modifier or shape key that moves them there",
+            name,
+            LARGEST_LENGTH,
         )
     kinds = tuple(getattr(data, f"interpolation_type_{axis}").removeprefix(_PREFIX) for axis in AXES)
     return Lattice(rest[0, 0, 0], rest[-1, -1, -1], moved - rest, kinds)

@@ -47,12 +47,14 @@ def new_data(name: str, points, parameters: dict):
     points = np.asarray(flat_points() if points is None else points, np.float64)
     if points.ndim != 3 or min(points.shape[:2]) < FEWEST_NURBS_POINTS:
         raise SurfaceError(
-            f"A {TITLE} needs rows × columns of points, "
-            f"at least {FEWEST_NURBS_POINTS} × {FEWEST_NURBS_POINTS}, got {points.shape}"
+            "A {0} needs rows × columns of points, at least {1} × {1}, got {2}",
+            TITLE,
+            FEWEST_NURBS_POINTS,
+            points.shape,
         )
     unknown = set(parameters) - set(ORDERS)
     if unknown:
-        raise SurfaceError(f"A {TITLE} has no parameter {min(unknown)!r}")
+        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     orders = [int(parameters.get(name, DEFAULT_ORDER)) for name in ORDERS]
     points = _checked(points, *(NurbsAxis(order) for order in orders))
     data = bpy.data.curves.new(name, "SURFACE")
@@ -67,11 +69,11 @@ def new_data(name: str, points, parameters: dict):
 def _checked(points, along_u: NurbsAxis, along_v: NurbsAxis):
     """The points with their weights, (rows, columns, 4), or SurfaceError."""
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(f"The points of a {TITLE} must be numbers up to {LARGEST_LENGTH:g}")
+        raise SurfaceError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
     try:
         NurbsPatch(points, along_u, along_v)
     except ValueError as error:
-        raise SurfaceError(f"These points make no {TITLE}: {error}") from error
+        raise SurfaceError("These points make no {0}: {1}", TITLE, error) from error
     return points if points.shape[2] == 4 else np.pad(points, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
 
 
@@ -80,12 +82,16 @@ def write_parameters(surface, parameters: dict) -> None:
     spline = _only_spline(surface)
     unknown = set(parameters) - {"points", *ORDERS}
     if unknown:
-        raise SurfaceError(f"A {TITLE} has no parameter {min(unknown)!r}")
+        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     now = read_parameters(surface) | parameters
     points = np.asarray(now["points"], np.float64)
     if points.shape[:2] != (spline.point_count_v, spline.point_count_u):
         raise SurfaceError(
-            f"'{surface.name}' has {spline.point_count_v} × {spline.point_count_u} points, not {points.shape}"
+            "'{0}' has {1} × {2} points, not {3}",
+            surface.name,
+            spline.point_count_v,
+            spline.point_count_u,
+            points.shape,
         )
     axes = [replace(axis, order=int(now[name])) for axis, name in zip(_axes(spline), ORDERS, strict=True)]
     points = _checked(points, *axes)
@@ -134,7 +140,7 @@ def own_patch(surface) -> NurbsPatch:
     try:
         return NurbsPatch(_points(spline), *_axes(spline))
     except ValueError as error:
-        raise SurfaceError(f"'{surface.name}' is not a valid surface: {error}") from error
+        raise SurfaceError("'{0}' is not a valid surface: {1}", surface.name, error) from error
 
 
 def replace_net(surface, patch: NurbsPatch) -> None:
@@ -171,14 +177,15 @@ def reversed_order(surface, axis: str):
     hooked = any(modifier.type == "HOOK" for modifier in surface.modifiers)
     if data.shape_keys is not None or data.animation_data is not None or hooked:
         raise SurfaceError(
-            f"'{surface.name}' has shape keys or hooks, or animated points, that would not be mirrored: "
-            "convert it to a grid first"
+            "'{0}' has shape keys or hooks, or animated points, that would not be mirrored: "
+            "convert it to a grid first",
+            surface.name,
         )
     rows, columns = np.shape(patch.points)[:2]
     try:
         return reversing(patch.along_u, columns) if axis == "U" else reversing(patch.along_v, rows)
     except EditingError as error:
-        raise SurfaceError(f"'{surface.name}': {error}") from error
+        raise SurfaceError("'{0}': {1}", surface.name, error) from error
 
 
 def reorder(surface, order, axis: str) -> None:
@@ -214,19 +221,20 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
     name, spline = evaluated.name, _only_spline(evaluated)
     points = _points(spline)
     if not np.isfinite(points).all():
-        raise SurfaceError(f"'{name}' has control points that are not finite")
+        raise SurfaceError("'{0}' has control points that are not finite", name)
     try:
         patch = NurbsPatch(points, *_axes(spline))
     except ValueError as error:
         raise SurfaceError(
-            f"'{name}' is not a valid surface: {error}; change its Active Spline settings or its points "
-            f"in Edit Mode"
+            "'{0}' is not a valid surface: {1}; change its Active Spline settings or its points in Edit Mode",
+            name,
+            error,
         ) from error
     if not _is_deformed(evaluated, mode):
         return patch
     samples = _tessellation(evaluated, mode)
     if not np.isfinite(samples).all():
-        raise SurfaceError(f"A shape key or modifier of '{name}' makes points that are not finite")
+        raise SurfaceError("A shape key or modifier of '{0}' makes points that are not finite", name)
     net = fitted_points(samples, patch.points[..., 3], patch.along_u, patch.along_v)
     fitted = replace(patch, points=np.concatenate([net, patch.points[..., 3:]], axis=2))
     return fitted if _passes_through(fitted, samples) else Grid(_closed(samples, patch))
@@ -235,13 +243,18 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
 def _only_spline(surface):
     if surface.type != "SURFACE":
         raise SurfaceError(
-            f"'{surface.name}' is of type {surface.type.title()}, not a surface: choose another kind for it"
+            "'{0}' is of type {1}, not a surface: choose another kind for it",
+            surface.name,
+            surface.type.title(),
         )
     splines = surface.data.splines
     if len(splines) != 1:
         raise SurfaceError(
-            f"'{surface.name}' has {len(splines) or 'no'} patch{'es' * (len(splines) != 1)} and needs just "
-            "one: separate the others in Edit Mode with P"
+            "'{0}' has {1} patches and needs just one: separate the others in Edit Mode with P"
+            if splines
+            else "'{0}' has no patch and needs just one: add one in Edit Mode",
+            surface.name,
+            len(splines),
         )
     return splines[0]
 
@@ -277,8 +290,8 @@ def _tessellation(evaluated, mode: str):
     try:
         if len(mesh.vertices) != columns * rows:
             raise SurfaceError(
-                f"A modifier of '{evaluated.name}' adds or removes points: remove it, or convert the "
-                "surface to a mesh"
+                "A modifier of '{0}' adds or removes points: remove it, or convert the surface to a mesh",
+                evaluated.name,
             )
         points = np.empty(3 * columns * rows, np.float32)
         mesh.vertices.foreach_get("co", points)

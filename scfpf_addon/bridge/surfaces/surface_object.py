@@ -34,7 +34,7 @@ def new_surface(name: str | None, kind: str, parameters: dict | None = None, poi
     Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
     """
     if kind not in BLENDER_KINDS:
-        raise SurfaceError(f"Unknown kind of control surface: {kind!r}")
+        raise SurfaceError("Unknown kind of control surface: {0!r}", kind)
     name = name or BLENDER_KINDS[kind].title
     if kind in OBJECT_KINDS:
         data = OBJECT_KINDS[kind].new_data(name, points, parameters or {})
@@ -139,9 +139,12 @@ def parameter_modifier(surface):
         return own[0], group_inputs(own[0].node_group)
     description = PARAMETRIC_KINDS[surface.scfpf_surface.kind]
     raise SurfaceError(
-        f"'{surface.name}' has no node group with just the inputs "
-        f"{', '.join(given.label for given in description.inputs)}: undo the change to its "
-        f"'{description.group_name}' modifier, or remove the surface and add a new {description.title}"
+        "'{0}' has no node group with just the inputs {1}: undo the change to its '{2}' "
+        "modifier, or remove the surface and add a new {3}",
+        surface.name,
+        ", ".join(given.label for given in description.inputs),
+        description.group_name,
+        description.title,
     )
 
 
@@ -174,7 +177,9 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     if kind in MESH_KINDS:
         if set(parameters) != {"points"}:
             raise SurfaceError(
-                f"A {BLENDER_KINDS[kind].title} is given by its points alone, not by {sorted(parameters)}"
+                "A {0} is given by its points alone, not by {1}",
+                BLENDER_KINDS[kind].title,
+                sorted(parameters),
             )
         if kind == "PATCH" and np.shape(parameters["points"]) != (2, 2, 3):
             raise SurfaceError("A Patch needs 2 × 2 points")
@@ -185,13 +190,17 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     taken = {}
     for key, value in parameters.items():
         if key not in known:
-            raise SurfaceError(f"A {PARAMETRIC_KINDS[kind].title} has no parameter {key!r}")
+            raise SurfaceError("A {0} has no parameter {1!r}", PARAMETRIC_KINDS[kind].title, key)
         given = known[key]
         # The limits as Blender stores them, in float32: 2π read back is above 2π.
         low, high = np.array([given.minimum, given.maximum], np.float32).tolist()
         if not low <= value <= high:
             raise SurfaceError(
-                f"{given.label} must lie from {given.minimum:g} to {given.maximum:g}, not {value:g}"
+                "{0} must lie from {1:g} to {2:g}, not {3:g}",
+                given.label,
+                given.minimum,
+                given.maximum,
+                value,
             )
         taken[identifiers[given.label]] = type(given.default)(value)
     for identifier, value in taken.items():

@@ -26,12 +26,13 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
         evaluated_object.to_mesh_clear()
     require_finite(name, points)
     if not np.isfinite(uv).all():
-        raise SurfaceError(f"The UV map of '{name}' is not finite: unwrap it again (U in Edit Mode)")
+        raise SurfaceError("The UV map of '{0}' is not finite: unwrap it again (U in Edit Mode)", name)
     chart = UVChart(uv, triangles)
     if not chart.used.any():
         raise SurfaceError(
-            f"No face of '{name}' has an area in the UV square from 0 to 1: "
-            "unwrap it (U in Edit Mode) and place its islands inside the square"
+            "No face of '{0}' has an area in the UV square from 0 to 1: unwrap it (U in Edit "
+            "Mode) and place its islands inside the square",
+            name,
         )
     return UVMesh(points, chart, matrix=matrix)
 
@@ -39,10 +40,10 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
 def _arrays(name: str, mesh):
     """Vertices (V, 3) float64, triangles (T, 3) of them, and the UVs of their corners (T, 3, 2) float64."""
     if not mesh.polygons:
-        raise SurfaceError(f"'{name}' has no faces: a UV mesh surface needs some")
+        raise SurfaceError("'{0}' has no faces: a UV mesh surface needs some", name)
     layer = uv_layer(mesh)
     if layer is None:
-        raise SurfaceError(f"'{name}' has no UV map: unwrap it (U in Edit Mode)")
+        raise SurfaceError("'{0}' has no UV map: unwrap it (U in Edit Mode)", name)
     mesh.calc_loop_triangles()
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
@@ -61,7 +62,7 @@ def _arrays(name: str, mesh):
 def write_uv_mesh(mesh, sheet: UVMesh) -> None:
     """Replace a mesh by a UV mesh's triangles, in its own space. Raises SurfaceError if too large."""
     if not (np.abs(sheet.points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(f"A UV mesh's points must be numbers up to {LARGEST_LENGTH:g}")
+        raise SurfaceError("A UV mesh's points must be numbers up to {0:g}", LARGEST_LENGTH)
     corners = np.ascontiguousarray(sheet.chart.vertices, np.int32).ravel()
     mesh.clear_geometry()
     mesh.vertices.add(len(sheet.points))

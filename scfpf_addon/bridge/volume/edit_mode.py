@@ -8,13 +8,14 @@ cover the lines of the overlay. A dense mesh remains a box in the mode.
 
 from __future__ import annotations
 
+from ...projection.template_error import TemplateError
 from .camera_members import all_cameras, cameras_with, surfaces_of
 
 # Meshes of more faces are always boxes: their wires would be less than a dozen pixels apart.
 MOST_WIRED = 1024
 
 
-class EditVolumeError(ValueError):
+class EditVolumeError(TemplateError):
     """A camera or a surface that the mode cannot change; the message says what to do."""
 
 
@@ -26,7 +27,7 @@ def set_edit_volume(camera, on: bool) -> None:
     for obj in (camera, *surfaces_of(camera)):
         if not obj.is_editable:
             raise EditVolumeError(
-                f"'{obj.name}' is linked from another file: make a library override of it first"
+                "'{0}' is linked from another file: make a library override of it first", obj.name
             )
     camera.scfpf.edit_volume = on
 

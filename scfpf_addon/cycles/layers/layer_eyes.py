@@ -92,7 +92,7 @@ def _plan(scene, camera, view: View) -> ChordPlan:
     try:
         return plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
     except PlanError as error:
-        raise RigError(str(error)) from error
+        raise RigError("{0}", error) from error
 
 
 def _new_rig(scene, camera, view: View):

@@ -78,7 +78,7 @@ class LayersJob:
             bpy.ops.render.render(*call, write_still=True, use_viewport=False, scene=self._passing.name)
         except RuntimeError as error:
             reason = str(error).removeprefix("Error: ").strip()
-            raise RigError(f"Blender does not render: {reason}") from error
+            raise RigError("Blender does not render: {0}", reason) from error
 
     @property
     def progress(self) -> str:

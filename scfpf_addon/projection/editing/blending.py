@@ -15,6 +15,7 @@ from math import comb, lcm
 import numpy as np
 
 from ..arrays import bilinear_net
+from ..template_error import TemplateError
 from ..typing import Array
 from ..volume.basis import BasisKind
 from ..volume.reparameterisation import Polar
@@ -36,7 +37,7 @@ SMALLEST_SIZE = 1e-300
 STEPS = 4
 
 
-class BlendError(ValueError):
+class BlendError(TemplateError):
     """Projections that cannot be blended; the message says what to do."""
 
 

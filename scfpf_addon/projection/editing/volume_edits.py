@@ -11,6 +11,7 @@ import numpy as np
 
 from ..surfaces.kinds import PARAMETRIC_KINDS, Axis, Numbers, parametric_kind
 from ..surfaces.surface import BilinearPatch, ControlSurface, Grid, Plane, Point
+from ..template_error import TemplateError
 from ..typing import Array
 from ..volume.basis import B_SPLINE_DEGREE
 from ..volume.viewing_volume import ViewingVolume
@@ -23,7 +24,7 @@ MOST_CELLS = 512
 HOLES = "A control surface has holes, which a grid cannot have: fill them first"
 
 
-class EditingError(ValueError):
+class EditingError(TemplateError):
     """An edit that this surface or volume does not allow; the message says what to do."""
 
 
@@ -198,11 +199,11 @@ def mirrored(kind: str, parameters: Numbers, axis: Axis) -> tuple[Array, dict[st
     whose rim cannot become its centre, and for kinds without parameters.
     """
     if kind not in PARAMETRIC_KINDS:
-        raise EditingError(f"a surface of kind {kind} is not mirrored by its parameters")
+        raise EditingError("a surface of kind {0} is not mirrored by its parameters", kind)
     record = PARAMETRIC_KINDS[kind]
     if axis not in record.mirrors:
         raise EditingError(
-            f"the rim of a {record.title.lower()} cannot become its center: convert it to a grid first"
+            "the rim of a {0} cannot become its center: convert it to a grid first", record.title.lower()
         )
     mirror, changed = record.mirrors[axis], dict(parameters)
     if mirror.exchanged:
@@ -218,7 +219,7 @@ def scaled(kind: str, parameters: Numbers, scale: Sequence[float]) -> dict[str, 
     are scaled differently, and for kinds without parameters.
     """
     if kind not in PARAMETRIC_KINDS:
-        raise EditingError(f"a surface of kind {kind} has no sizes to put a scale into")
+        raise EditingError("a surface of kind {0} has no sizes to put a scale into", kind)
     changed = dict(parameters)
     for one in PARAMETRIC_KINDS[kind].parameters:
         if one.is_angle:

@@ -16,6 +16,7 @@ from ...bridge.blender.scene_objects import delete_with_data
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
 from ...projection.presets.preset import MAXIMUM_SURFACES
+from ...projection.template_error import TemplateError
 from ..generated_collection import (
     follow_image_size,
     is_complete,
@@ -42,7 +43,7 @@ FRAME_WIDTH, FRAME_NEAR, FRAME_FAR = 1.0, 1.0, 2.0
 CLIP_MARGIN = 1e-4
 
 
-class PreviewError(ValueError):
+class PreviewError(TemplateError):
     """The preview cannot be made. The message says what to do."""
 
 
@@ -103,12 +104,16 @@ def _check_surfaces(camera) -> None:
     surfaces = [slot.object for slot in camera.scfpf.surfaces]
     if any(surface is not None and surface.scfpf_surface.kind == LATTICE_KIND for surface in surfaces):
         raise PreviewError(
-            f"'{camera.name}' holds a lattice, which the nodes preview cannot follow: render it with SCFPF"
+            "'{0}' holds a lattice, which the nodes preview cannot follow: render it with SCFPF", camera.name
         )
     if len(surfaces) < 2 or None in surfaces:
-        raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+        raise PreviewError(
+            "'{0}' needs at least two control surfaces before it can be previewed", camera.name
+        )
     if len(surfaces) > MAXIMUM_SURFACES:
-        raise PreviewError(f"'{camera.name}' has more than {MAXIMUM_SURFACES} control surfaces: remove some")
+        raise PreviewError(
+            "'{0}' has more than {1} control surfaces: remove some", camera.name, MAXIMUM_SURFACES
+        )
 
 
 def add_parts(source, count: int) -> list:

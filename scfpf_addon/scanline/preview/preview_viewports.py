@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 
+from ...projection.template_error import TemplateError
 from .preview_data import pictures_of
 
 # A viewport narrower than twice this, in pixels at interface scale 1, is not split.
@@ -23,7 +24,7 @@ COLORS = {"MATERIAL", "SINGLE", "TEXTURE", "VERTEX"}
 _shown_in: set[int] = set()
 
 
-class ViewportError(ValueError):
+class ViewportError(TemplateError):
     """No viewport can show the preview. The message says why."""
 
 
@@ -92,7 +93,7 @@ def open_viewport(context, source) -> None:
         if area is not None:
             close_viewport(window, area)
         if isinstance(error, RuntimeError):
-            raise ViewportError(f"No viewport can show the preview: {error}") from error
+            raise ViewportError("No viewport can show the preview: {0}", error) from error
         raise
 
 

@@ -187,7 +187,7 @@ def test_a_view_that_fails_leaves_no_file(stereo_scene, tmp_path):
     scene.collection.objects.link(right)
     right.scfpf.enabled = True
     scene.render.engine, scene.render.views_format = "SCFPF", "MULTIVIEW"
-    with pytest.raises(RuntimeError, match="'Camera_R' has no control surfaces"):
+    with pytest.raises(RuntimeError, match="'Camera_R' has no control surface:"):
         bpy.ops.render.render(write_still=True)
     assert not list(tmp_path.iterdir())
 

@@ -390,7 +390,7 @@ def empty_range(bridge, camera, near, far):
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (no_surfaces, "'Camera' has no control surfaces.*at least two"),
+        (no_surfaces, "'Camera' has no control surface:.*at least two"),
         (one_surface, "'Camera' has 1 control surface:.*at least two"),
         (empty_slot, "surface 3 of 'Camera' is empty"),
         (deleted_surface, "'Far' was deleted: undo"),

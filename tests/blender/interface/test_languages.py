@@ -99,3 +99,21 @@ def test_messages_put_values_into_translated_templates(addon, monkeypatch):
     monkeypatch.setattr(words, "pgettext_rpt", lambda text: german.get(text, text))
     assert words.say("'{0}' is not a view: choose one", "Pin") == "Eine Ansicht wählen: 'Pin' ist keine"
     assert words.say("{0:.1f} px", 1.25) == "1.2 px"
+
+
+def test_errors_of_the_core_are_translated_with_the_errors_inside_them(addon, monkeypatch):
+    words, template = addon("operators.common.words"), addon("projection.template_error")
+    german = {"Layer '{0}': {1}": "Ebene '{0}': {1}", "{0} {{}}": "{0} Klammern", "{no} value": "{kein} Wert"}
+    monkeypatch.setattr(words, "pgettext_rpt", lambda text: german.get(text, text))
+    inner = template.TemplateError("{0} {{}}", 3)
+    error = template.TemplateError("Layer '{0}': {1}", "Car", inner)
+    assert str(error) == "Layer 'Car': 3 {}"
+    assert words.told(error) == "Ebene 'Car': 3 Klammern"
+    assert words.told(template.TemplateError("{no} value")) == "{kein} Wert"
+    assert words.told(MemoryError()).startswith("There is not enough memory")
+
+
+def test_german_has_every_message_of_errors(languages):
+    german = languages.languages()["de"]
+    told = set(catalogue.raised()) - {"{0}"}
+    assert len(told) > 150 and not told - {text for _, text in german}

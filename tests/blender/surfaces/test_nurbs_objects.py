@@ -279,7 +279,7 @@ def test_more_than_one_patch_is_refused(nodes, objects):
     with pytest.raises(nodes.SurfaceError, match="'S' has 2 patches"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
     surface.data.splines.clear()
-    with pytest.raises(nodes.SurfaceError, match="'S' has no patches"):
+    with pytest.raises(nodes.SurfaceError, match="'S' has no patch"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
     curve = surface.data.splines.new("NURBS")
     curve.points.add(5)
