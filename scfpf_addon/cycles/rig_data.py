@@ -105,7 +105,8 @@ def check_surfaces(camera) -> None:
     count = len(camera.scfpf.surfaces)
     if not 2 <= count <= MAXIMUM_SURFACES:
         raise RigError(
-            "'{0}' has fewer than two control surfaces: add one in the camera's properties or load a preset"
+            "'{0}' has too few control surfaces: a volume needs at least two; add one in the camera's "
+            "properties or load a preset"
             if count < 2
             else "'{0}' has more than {1} control surfaces, the most that a volume may have: remove some",
             camera.name,
