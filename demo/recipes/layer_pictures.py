@@ -218,7 +218,7 @@ def around_view():
     scene = render_demo.build_street()
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 2.4), 30.0)
-    side = add_camera(scene, "Side", (-6.3, -9.0, 4.5), (0.0, 0.0, 0.8), 30.0)
+    side = add_camera(scene, "Side", (-3.6, -11.6, 3.4), (0.0, 0.0, 0.8), 30.0)
     # The car is where the other camera shows it.
     side.data.shift_y = 0.095
     for camera in (street, side):
@@ -228,7 +228,7 @@ def around_view():
     _select(street, side)
     bpy.ops.scfpf.camera_blend()
     side.scfpf.aim_targets[0].width = 0.18
-    scene.camera.scfpf.blend_field.border = 0.1
+    scene.camera.scfpf.blend_field.border = 0.25
     bpy.ops.scfpf.blend_map(kind="VIEWS")
     return scene
 
