@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Figures 1, 10 and 11 of the paper by Aim, beside the presets: `python3 dev.py pictures aim-figures`.
 
-Each one starts from straight projectors. Figure 1 gets five views of the car. The others get at most 24 pins
-from the preset's image: points of the scene, their places, and the directions in which they are seen.
+Each one starts from straight projectors and gets at most 24 pins from the preset's image: points of the
+scene, their places, and the directions in which they are seen.
 """
 
 from __future__ import annotations
@@ -13,17 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .aim_pictures import FOLDER, module
+from .pictures import FOLDER, module
 
 # Pins that a figure may have.
 MOST_PINS = 24
 # The gap between both images in pixels.
 GAP = 6
-# Views of figure 1: degrees from the car's front to the right of the image, and the place in it. Its back is
-# seen a little from the side by which projectors come.
-CAR_VIEWS = ((0.0, 0.5), (-90.0, 0.25), (90.0, 0.75), (-165.0, 0.0), (165.0, 1.0))
-# The car's sphere in the image, as a share of its width, and the middle of its height.
-CAR_WIDTH, CAR_HEIGHT = 0.4, 0.42
 
 
 @dataclass(frozen=True)
@@ -78,26 +73,6 @@ def pins(columns, rows, halo: float, only: str = ""):
     return add
 
 
-def car_views(camera, scene, preset) -> None:
-    """Add the views of the car from its front, both sides and twice its back."""
-    import bpy
-    from mathutils import Vector
-
-    for number, (angle, place) in enumerate(CAR_VIEWS):
-        x, y = np.sin(np.radians(angle)), -np.cos(np.radians(angle))
-        eye = bpy.data.objects.new(f"Eye {number}", bpy.data.cameras.new(f"Eye {number}"))
-        bpy.context.scene.collection.objects.link(eye)
-        eye.data.type, eye.data.ortho_scale = "ORTHO", 6.0
-        eye.location = (12.0 * x, 12.0 * y, 0.75)
-        eye.rotation_euler = Vector((-x, -y, 0.0)).to_track_quat("-Z", "Y").to_euler()
-        bpy.context.view_layer.update()
-        bpy.ops.scfpf.aim_view_add(
-            camera=camera.name, collection="Car", eye=eye.name, position=(place, CAR_HEIGHT)
-        )
-        target = camera.scfpf.aim_targets[-1]
-        target.width, target.alone = CAR_WIDTH, True
-
-
 FIGURES = (
     Figure(
         "figure-1",
@@ -133,7 +108,7 @@ FIGURES = (
         1,
         "street_panorama",
         {},
-        pins((0.26, 0.285, 0.315, 0.34, 0.66, 0.685, 0.715, 0.74), (0.22, 0.42, 0.62), 3.0),
+        pins((0.25, 0.28, 0.3, 0.32, 0.35, 0.65, 0.68, 0.7, 0.72, 0.75), (0.2, 0.4), 1.5),
         960,
         (16, 6),
         3,
@@ -146,9 +121,9 @@ def make(figure: Figure, scratch: Path) -> str:
     """Aim a figure's camera, render both images, and return its figures as a line."""
     import bpy
 
-    from . import render_demo, render_gallery
-    from .gallery_panels import preset_text
-    from .gallery_plates import PLATES
+    from demo import render_demo, render_gallery
+    from demo.gallery_panels import preset_text
+    from demo.gallery_plates import PLATES
 
     plate = next(plate for plate in PLATES if plate.stem == figure.stem)
     panel = plate.panels[figure.preset]

@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 FOLDER = ROOT / "docs" / "pictures"
 SIZE = (560, 280)
@@ -229,13 +229,14 @@ def record(name: str, scratch: Path) -> Path:
 
 
 def main(names: list[str]) -> None:
-    from demo import aim_figures, render_demo
+    from demo import render_demo
+    from demo.aim import figures
 
     with render_demo.scratch_profile(), tempfile.TemporaryDirectory() as folder:
         render_demo.enable_add_on(Path(folder))
         for name in names or [*TASKS, "aim-figures"]:
             if name == "aim-figures":
-                aim_figures.make_all(Path(folder))
+                figures.make_all(Path(folder))
                 continue
             path = record(name, Path(folder))
             print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB", flush=True)
