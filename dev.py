@@ -81,7 +81,7 @@ def command_pictures(options, rest):
     Names that begin with aim- or layers- are rendered for docs/aim.md and docs/compose.md; without names all
     are.
     """
-    rendered = {"aim-": "demo/aim_pictures.py", "layers-": "demo/recipes/layer_pictures.py"}
+    rendered = {"aim-": "demo/aim/pictures.py", "layers-": "demo/recipes/layer_pictures.py"}
     for start, script in rendered.items():
         chosen = [name for name in rest if name.startswith(start)]
         if chosen or not rest:

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
 from scfpf_addon.casting.aim.aim_scene import AimScene, hit_finder
+from scfpf_addon.casting.aim.detours import free_pins
 from scfpf_addon.casting.aim.judge import Judgement, judge
-from scfpf_addon.casting.aim.rounds import Round, solve_in_rounds
+from scfpf_addon.casting.aim.released import Released
+from scfpf_addon.casting.aim.rounds import Judge, Round, solve_in_rounds
 from scfpf_addon.casting.aim.stays import find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -109,7 +111,7 @@ class Setting:
     problem: AimProblem
     halos: Array
 
-    def judged(self, after: Projection) -> Judgement:
+    def judged(self, after: Projection, released: Released | None = None) -> Judgement:
         """The judgement of a solution."""
         return judge(
             self.place.scene,
@@ -117,8 +119,9 @@ class Setting:
             after,
             self.problem.pins,
             self.halos,
-            self.place.wanted & (self.problem.pins.views >= 0).any(),
+            self.shown,
             WIDTH,
+            released=released,
         )
 
     @cached_property
@@ -128,11 +131,24 @@ class Setting:
 
     def solved(self) -> Round | None:
         """The best of the rounds."""
-        return solve_in_rounds(self.problem, self.judged_result, self.old)
+        return solve_in_rounds(self.problem, self.judged_result, self.old, free=self.freed)
 
-    def judged_result(self, result: AimResult) -> Judgement:
+    def judged_result(self, result: AimResult, released: Released | None = None) -> Judgement:
         """The judgement of a result."""
-        return self.judged(result.projection(ASPECT))
+        return self.judged(result.projection(ASPECT), released)
+
+    def freed(self, found: Round) -> tuple[AimProblem, Judge] | None:
+        """The problem that frees the hidden pins of a round, and its judge."""
+        place, (result, judgement, _) = self.place, found
+        freed = free_pins(place.scene, self.problem, self.shown, result, judgement)
+        if freed is None:
+            return None
+        return freed[0], partial(self.judged_result, released=freed[1])
+
+    @property
+    def shown(self) -> Array:
+        """The triangles of things that views show, (T,)."""
+        return self.place.wanted & bool((self.problem.pins.views >= 0).any())
 
 
 def setting(

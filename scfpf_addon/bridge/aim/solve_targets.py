@@ -6,9 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from ...casting.aim.detours import free_pins
 from ...casting.aim.judge import COLUMNS, Judgement, judge
-from ...casting.aim.rounds import solve_in_rounds
-from ...projection.aim.problem import AimResult
+from ...casting.aim.released import Released
+from ...casting.aim.rounds import Judge, Round, solve_in_rounds
+from ...projection.aim.problem import AimProblem, AimResult
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid
@@ -41,18 +43,27 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
         progress.share = JUDGED_OLD + (1.0 - JUDGED_OLD) * share
         return progress.is_set()
 
-    def look(result: AimResult) -> Judgement:
-        return judged(inputs, projection_of(result.patches, inputs.present.aspect))
+    def look(result: AimResult, released: Released | None = None) -> Judgement:
+        return judged(inputs, projection_of(result.patches, inputs.present.aspect), released=released)
 
-    found = solve_in_rounds(inputs.problem(), look, old, report)
+    problem = inputs.problem()
+
+    def free(found: Round) -> tuple[AimProblem, Judge] | None:
+        scene, wanted = inputs.arrays.scene, inputs.targets.wanted
+        freed = free_pins(scene, problem, wanted, found.result, found.judgement)
+        return freed and (freed[0], partial(look, released=freed[1]))
+
+    found = solve_in_rounds(problem, look, old, report, free)
     require_wanted(progress)
     if found is None:
         raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
     return Solution(inputs, found.result, found.judgement, old)
 
 
-def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judgement:
-    """The judgement of a projection whose parameters are those of the image; columns: that are cast."""
+def judged(
+    inputs: AimInputs, after: Projection, columns: int = COLUMNS, released: Released | None = None
+) -> Judgement:
+    """The judgement of a projection whose parameters are those of the image. See ``judge``."""
     targets = inputs.targets
     found = judge(
         inputs.arrays.scene,
@@ -63,6 +74,7 @@ def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judg
         targets.wanted,
         inputs.width,
         columns,
+        released,
     )
     # With a view alone the background may go anywhere.
     return replace(found, moved=found.moved[:0]) if targets.alone else found

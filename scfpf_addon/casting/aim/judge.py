@@ -14,6 +14,7 @@ from ...projection.volume.inverse import Inverse, find_in_image, follow
 from ...projection.volume.viewing_volume import Projection, VolumeSample, determinant
 from ..frame import pixel_centres
 from .aim_scene import AimScene
+from .released import Released
 from .stays import halo_weights
 
 # Columns of the image that is judged.
@@ -64,6 +65,11 @@ class Judgement:
         return _percentile(self.moved, NEARLY_ALL)
 
     @property
+    def hidden(self) -> float:
+        """The share of pins that something hides."""
+        return float((self.hidden_by >= 0).mean()) if len(self.seen) else 0.0
+
+    @property
     def meets_bars(self) -> bool:
         """Return whether the pins and the background are where they shall be, and nothing folds."""
         return self._distances == 0.0 and self.mirrored == 0.0 and self.folded == 0.0
@@ -85,8 +91,7 @@ class Judgement:
     @property
     def shortfall(self) -> float:
         """By how much the image misses the bars and hides its pins, in doublings of distances."""
-        hidden = float((self.hidden_by >= 0).mean()) if len(self.seen) else 0.0
-        shares = zip((self.mirrored, self.folded, hidden), DOUBLING, strict=True)
+        shares = zip((self.mirrored, self.folded, self.hidden), DOUBLING, strict=True)
         return self._distances + float(sum(share / unit for share, unit in shares))
 
     def worse_than(self, old: Judgement) -> str:
@@ -116,11 +121,13 @@ def judge(
     wanted: BoolArray,
     width: int,
     columns: int = COLUMNS,
+    released: Released | None = None,
 ) -> Judgement:
     """Judge an image by casting it.
 
     before, after: in world space. pins, halos, wanted: as for ``find_stays``. width: of the image in pixels.
-    columns: of the image that is cast for the judgement. To judge the image before, pass it twice.
+    columns: of the image that is cast for the judgement. released: what may leave its place. To judge the
+    image before, pass it twice.
     """
     place = _places(after, pins)
     pixels = np.hypot(place.u - pins.positions[0], (place.v - pins.positions[1]) / after.aspect) * width
@@ -136,6 +143,8 @@ def judge(
     kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
     points = scene.world(hits.position[:, kept])
     outside = halo_weights(points, pins, halos) >= 1.0
+    if released is not None:
+        outside &= ~released.covers(points, scene.objects[hits.triangle[kept]])
     background, kept = points[:, outside], 4 * kept[outside]
     moved = _moved(scene, after, background, np.stack([x[kept], y[kept]]), wanted, width)
     return Judgement(pixels, angles, seen, hidden_by, mirrored, folded, moved)

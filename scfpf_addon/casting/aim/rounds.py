@@ -16,6 +16,8 @@ from .judge import Judgement
 # and stays that count less do not force any.
 FIRST = Schedule()
 STILL, LONG, LOOSE = Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5)
+# From a solved volume, the way of detours round what hides pins.
+FREEING = Schedule(stages=4, final_steps=40)
 # Stays force folds if more than this share of the pixels is folded or mirrored.
 FORCED = 0.005
 
@@ -30,6 +32,8 @@ class Round(NamedTuple):
 
 # From a result to its judgement.
 Judge = Callable[[AimResult], Judgement]
+# From the best round to the problem that frees its hidden pins, and the judge of that; None if nothing would.
+Free = Callable[[Round], "tuple[AimProblem, Judge] | None"]
 # A round is reported as this share of the work that is left: most solves need one.
 ROUND_SHARE = 0.7
 # Told before each step how much is done, as a share; returns whether to stop.
@@ -41,10 +45,12 @@ def solve_in_rounds(
     judged: Judge,
     old: Judgement,
     report: Report = lambda share: False,
+    free: Free = lambda found: None,
 ) -> Round | None:
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
-    old: the judgement of the image before; a round that is no worse wins over one that is.
+    old: the judgement of the image before; a round that is no worse wins over one that is. A last round frees
+    hidden pins from where the best one ended.
     """
     best: Round | None = None
     done, number, ways = 0.0, 0, [FIRST]
@@ -65,7 +71,28 @@ def solve_in_rounds(
             best = found
         if best.judgement.meets_bars and not best.judgement.worse_than(old):
             break
-    return best
+    freeing = free(best) if best is not None else None
+    if best is None or freeing is None:
+        return best
+    return _freed(best, *freeing, old, report, done)
+
+
+def _freed(
+    best: Round, problem: AimProblem, judged: Judge, old: Judgement, report: Report, done: float
+) -> Round | None:
+    """The round that frees pins from where the best one ended, if it is better; None if stopped.
+
+    Their shortfalls are compared, also if the best one meets the bars: no bar counts hidden pins.
+    """
+    result = solve(problem, _Steps(report, done, (1.0 - done) / FREEING.most_steps), FREEING)
+    if result is None:
+        return None
+    if not all(np.isfinite(patch.points).all() for patch in result.patches):
+        return best
+    found = judged(result)
+    sees_more = found.hidden < best.judgement.hidden
+    is_better = sees_more and not found.worse_than(old) and found.shortfall < best.judgement.shortfall
+    return Round(result, found, best.number + 1) if is_better else best
 
 
 class _Steps:

@@ -92,6 +92,20 @@ class AimLines:
     pins: IndexArray = field(default_factory=lambda: np.zeros((2, 0), np.int64))
 
 
+@dataclass(frozen=True)
+class AimDetours:
+    """Ways of projectors past what hides their pins.
+
+    pins: (D,), their numbers. t: (D,), where the obstacle is on the projectors. points, passes: (3, D), where
+    they are at t, and points beside the obstacle through which they shall pass instead.
+    """
+
+    pins: IndexArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    t: Array = field(default_factory=lambda: np.zeros(0))
+    points: Array = field(default_factory=_no_points(3))
+    passes: Array = field(default_factory=_no_points(3))
+
+
 class FirstHits(NamedTuple):
     """The first hits of N projectors. t: (N,), inf on a miss. wanted: (N,), whether a pinned thing is hit."""
 
@@ -108,10 +122,10 @@ class AimWeights:
     """The weights of the residuals, which are in pixels unless stated otherwise.
 
     pin: of a pin's distance. depth: of a pin's change of t, in its whole range. direction: of an angle, in
-    degrees. frame: of a relative error of across and upward, in percent. line: of a line's distance. stay: of
-    a stay's distance; stays farther than ``robust`` pixels lose their influence. stay_direction: of an angle
-    of a stay, in degrees. smooth: of the differences of displacements. home: of displacements. fold: of the
-    barrier.
+    degrees. frame: of a relative error of across and upward, in percent. line: of a line's distance. detour:
+    of a detour's distance, shared by all, as neighbours help each other. stay: of a stay's distance; stays
+    farther than ``robust`` pixels lose their influence. stay_direction: of an angle of a stay, in degrees.
+    smooth: of the differences of displacements. home: of displacements. fold: of the barrier.
     """
 
     pin: float = 200.0
@@ -119,6 +133,7 @@ class AimWeights:
     direction: float = 10.0
     frame: float = 2.0
     line: float = 20.0
+    detour: float = 25.0
     stay: float = 1.5
     robust: float = 50.0
     stay_direction: float = 0.05
@@ -134,7 +149,7 @@ class AimProblem:
     patches: the control surfaces of the start, near to far, cubic B-splines with equal nets, joined by a
     Bézier projector. The first one stays fixed. width: of the image in pixels. aspect: its width / height.
     first_hits: finds what projectors see; None: nothing hides anything, and folds count along the whole
-    projector.
+    projector. solved: a result from which detours go on, None to begin at the start.
     """
 
     patches: tuple[NurbsPatch, ...]
@@ -145,6 +160,8 @@ class AimProblem:
     lines: AimLines = field(default_factory=AimLines)
     weights: AimWeights = field(default_factory=AimWeights)
     first_hits: FindHits | None = None
+    detours: AimDetours = field(default_factory=AimDetours)
+    solved: AimResult | None = None
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from ..arrays import median
 from ..typing import Array
 from .banded import Normal
 from .control_net import Along, Grid, Net
+from .detour_energy import DetourEnergy
 from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
 from .homotopy import Homotopy
 from .line_energy import LineEnergy
@@ -63,6 +64,8 @@ class Aim:
         orientation = float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
         self.folds = [FoldBarrier(places, orientation, len(places.places.column))]
         self.fold_strength = weights.fold
+        if problem.solved is not None:
+            self.points, self.t = self.net.gather(problem.solved.patches), problem.solved.t.copy()
 
     def _grid(self, counts: tuple[int, int]) -> Grid:
         return self.net.grid(*(np.linspace(0.0, 1.0, count) for count in counts))
@@ -98,12 +101,17 @@ class Aim:
         weights, footprint = self.problem.weights, self.way.footprint
         self.pin_energy = PinEnergy(places, pins, weights, self.t, footprint, self.problem.width)
         self.lines = LineEnergy(self.net, pins, self.problem.lines, self.pin_energy)
+        self.detours = DetourEnergy(self.problem.detours, self.pin_energy)
 
     def solve(self, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
-        """Solve from the old image to the wanted one; None if cancelled."""
-        plan = self.schedule
+        """Solve from the old image to the wanted one; None if cancelled.
+
+        From a solved result only the detours are on their way.
+        """
+        plan, warm = self.schedule, self.problem.solved is not None
         for stage in range(1, plan.stages + 1):
-            targets = self.way.targets(stage / plan.stages)
+            share = stage / plan.stages
+            targets, self.detours.share = self.way.targets(1.0 if warm else share), share
             final = stage == plan.stages
             for step in range(plan.final_steps if final else plan.steps):
                 if is_cancelled is not None and is_cancelled():
@@ -136,6 +144,7 @@ class Aim:
         pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
         normal.add(pin_rows)
         normal.add(self.lines.linearise(self.points, targets))
+        normal.add(self.detours.linearise(self.points))
         for stays in self.stays:
             normal.add_grid(stays.linearise(self.points))
         for folds in self.folds:
@@ -173,6 +182,7 @@ class Aim:
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
         total = self.pin_energy.value(points, t, targets) + self.lines.value(points, targets)
+        total += self.detours.value(points)
         total += sum(stays.value(points) for stays in self.stays)
         total += sum(folds.value(points, self.fold_strength) for folds in self.folds)
         return float(total + self.plate.value(self._offset(points)))

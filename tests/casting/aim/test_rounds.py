@@ -85,3 +85,26 @@ def test_progress_rises_and_stops(chosen):
     chosen([bad] * 3, lambda share: bool(shares.append(share)))
     assert shares == sorted(shares) and 0.9 < shares[-1] <= 1.0
     assert chosen([bad] * 3, lambda share: share > 0.71) == (None, 2)
+
+
+@pytest.mark.parametrize(
+    ("freed", "taken"),
+    [
+        # log2 (0.8 / 0.5) doublings beside 0.4 / 0.5.
+        (judgement(pixels=0.8), True),
+        (judgement(hidden=4), False),
+        (judgement(pixels=20.0), False),
+        (judgement(mirrored=0.006), False),
+    ],
+)
+def test_freed_pins_are_taken_if_the_image_is_better(monkeypatch, freed, taken):
+    solved = []
+    result = AimResult((NurbsPatch(np.zeros((4, 4, 3))),), np.zeros(10), np.zeros(10), 1)
+    monkeypatch.setattr(rounds, "solve", lambda problem, report, way: solved.append((problem, way)) or result)
+    hidden = judgement(hidden=4)
+    problem = object()
+    best = rounds.solve_in_rounds(
+        None, lambda result: hidden, OLD, free=lambda found: (problem, lambda result: freed)
+    )
+    assert solved == [(None, rounds.FIRST), (problem, rounds.FREEING)]
+    assert (best.judgement is freed) == taken

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render the moving pictures of docs/aim.md: `python3 dev.py pictures aim-car aim-valley`.
+"""Render the pictures of docs/aim.md: `python3 dev.py pictures aim-car aim-valley aim-figures`, and others.
 
 Each frame turns or moves the targets a little, lets the volume follow by warm steps as Live Aim does, and
-renders with the engine. The targets' frames are drawn on top.
+renders with the engine; the last one is solved. The targets' frames and pins are drawn on top.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 FOLDER = ROOT / "docs" / "pictures"
 SIZE = (560, 280)
 FRAMES, STEPS = 9, 4
+# Half the side of a pin's mark in pixels.
+MARK = 4
 INK = (255, 242, 38)
 
 
@@ -114,11 +116,59 @@ def tilt_valley(scene):
     return camera, move
 
 
-TASKS = {"aim-car": turn_car, "aim-valley": tilt_valley}
+def look_into_street(scene):
+    """The wall of a side street is seen from farther along it, past a corner that stays."""
+    import bpy
+    from mathutils import Matrix
+
+    camera = add_camera(scene, (-10.0, -6.0, 2.4), (-21.0, 20.0, 4.5), 24.0)
+    for point in ((-29.9, 30.0, 2.0), (-29.9, 30.0, 7.0), (-18.0, 10.0, 2.0), (-18.0, 10.0, 8.0)):
+        bpy.ops.scfpf.aim_pin_add(camera=camera.name, point=point)
+    for target in camera.scfpf.aim_targets:
+        target.halo = 4.0
+    deep = camera.scfpf.aim_targets[:2]
+    for target in deep:
+        sight = target.handle.location - camera.location
+        target.handle.rotation_euler = sight.to_track_quat("-Z", "Y").to_euler()
+        target.use_direction = True
+
+    def move(share: float) -> None:
+        for target in deep:
+            turn = Matrix.Rotation(-math.radians(20) * share, 4, "Z")
+            target.handle.rotation_euler = (turn @ target.handle.matrix_world).to_euler()
+            target.position[0] -= 0.06 * share
+
+    return camera, move
 
 
-def frames_of(camera):
-    """The frames of all views as pixels from the upper left, four corners each."""
+def show_both_sides(street):
+    """The car is seen from the left and from the right, in two frames that part."""
+    import bpy
+
+    camera = add_camera(street, (0.0, -12.5, 2.3), (0.0, 0.0, 1.2), 30.0)
+    for _ in range(2):
+        add_view(camera, collection="Car")
+
+    def move(share: float) -> None:
+        for index, side in enumerate((-1.0, 1.0)):
+            angle = side * math.radians(40) * share
+            bpy.ops.scfpf.aim_turn(camera=camera.name, index=index, left=-angle)
+            camera.scfpf.aim_targets[index].position[0] += side * 0.1 * share
+
+    return camera, move
+
+
+# Scenes of the gallery, and what moves in them.
+TASKS = {
+    "aim-car": ("street", turn_car),
+    "aim-street": ("long street", look_into_street),
+    "aim-valley": ("street", tilt_valley),
+    "aim-sides": ("street", show_both_sides),
+}
+
+
+def outlines(camera):
+    """The frames of all views and squares around pins, as pixels from the upper left, four corners each."""
     import bpy
     import numpy as np
 
@@ -129,6 +179,10 @@ def frames_of(camera):
     for target in shown.shown_targets(bpy.context, image):
         if target.frame is not None:
             marks.append([(float(x), SIZE[1] - float(y)) for x, y in np.array(target.frame.corners).T])
+    for target in camera.scfpf.aim_targets:
+        if target.kind == "PIN":
+            x, y = target.position[0] * SIZE[0], (1.0 - target.position[1]) * SIZE[1]
+            marks.append([(x + a * MARK, y + b * MARK) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     return marks
 
 
@@ -137,27 +191,38 @@ def record(name: str, scratch: Path) -> Path:
     import bpy
     from PIL import Image, ImageDraw
 
-    from demo import render_demo
+    from demo import render_demo, render_gallery
     from demo.gallery_animation import join
 
-    scene = render_demo.build_street()
+    place, task = TASKS[name]
+    scene = render_gallery.build(place)
     bpy.context.window.scene = scene
-    camera, move = TASKS[name](scene)
+    camera, move = task(scene)
     bpy.context.view_layer.update()
     drag = module("bridge.aim.drag").AimDrag(camera, bpy.context.evaluated_depsgraph_get())
     camera.scfpf.samples = 4
     pictures = []
-    for frame in range(FRAMES):
-        if frame:
-            move(1 / (FRAMES - 1))
-        bpy.context.view_layer.update()
-        left = [drag.step(bpy.context.evaluated_depsgraph_get()) for _ in range(STEPS)] if frame else [0.0]
-        raw = scratch / f"{name}-{frame}.png"
-        print(f"{name} {frame}: {left[-1]:.2f} px, {render_demo.render(scene, raw)}", flush=True)
+
+    def shoot(report: str) -> None:
+        raw = scratch / f"{name}-{len(pictures)}.png"
+        print(f"{name} {len(pictures)}: {report}, {render_demo.render(scene, raw)}", flush=True)
         picture = Image.open(raw).convert("RGB")
-        for corners in frames_of(camera):
+        for corners in outlines(camera):
             ImageDraw.Draw(picture).line([*corners, corners[0]], INK, 2)
         pictures.append(picture)
+
+    shoot("start")
+    for _ in range(FRAMES - 1):
+        move(1 / (FRAMES - 1))
+        bpy.context.view_layer.update()
+        left = [drag.step(bpy.context.evaluated_depsgraph_get()) for _ in range(STEPS)]
+        shoot(f"{left[-1]:.2f} px")
+    try:
+        bpy.ops.scfpf.aim_solve(camera=camera.name)
+    except RuntimeError as error:
+        print(f"{name}: {error}", flush=True)
+    else:
+        shoot(camera.scfpf.aim.message)
     path = FOLDER / f"{name}.webp"
     join(pictures, path)
     return path
@@ -165,10 +230,14 @@ def record(name: str, scratch: Path) -> Path:
 
 def main(names: list[str]) -> None:
     from demo import render_demo
+    from demo.aim import figures
 
     with render_demo.scratch_profile(), tempfile.TemporaryDirectory() as folder:
         render_demo.enable_add_on(Path(folder))
-        for name in names or TASKS:
+        for name in names or [*TASKS, "aim-figures"]:
+            if name == "aim-figures":
+                figures.make_all(Path(folder))
+                continue
             path = record(name, Path(folder))
             print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB", flush=True)
 
