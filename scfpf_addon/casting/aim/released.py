@@ -10,6 +10,9 @@ import numpy as np
 from ...projection.aim.vectors import dot
 from ...projection.typing import Array, BoolArray, IndexArray
 
+# Points that are compared at a time.
+POINTS = 1 << 12
+
 
 @dataclass(frozen=True)
 class Released:
@@ -24,8 +27,9 @@ class Released:
 
     def covers(self, points: Array, objects: IndexArray) -> BoolArray:
         """Return whether world points (3, M) on objects (M,) belong to these parts."""
-        found = np.isin(objects, self.objects)
-        for number in np.flatnonzero(found):
-            away = self.points - points[:, number, None]
-            found[number] = dot(away, away).min() < self.reach**2
+        found: BoolArray = np.isin(objects, self.objects)
+        number = np.flatnonzero(found)
+        for some in np.array_split(number, -(-len(number) // POINTS)) if len(number) else ():
+            away = self.points[:, None] - points[:, some, None]
+            found[some] = dot(away, away).min(axis=1) < self.reach**2
         return found
