@@ -32,6 +32,7 @@ BENCHMARKS = {
     "engine": ("engine",),
     "live": ("live/street_drag",),
     "aim": ("aim/bars",),
+    "layers": ("layers",),
     "soak": ("soak",),
     "scale": ("scale",),
     "counts": ("counts",),
