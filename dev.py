@@ -127,8 +127,7 @@ def command_test(options, rest):
 def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     """Run parts of the suite, (environment, part) each, on as many cores as there are, and no more than two.
 
-    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. The part
-    in a window waits most of the time, so it runs beside two others. Where
+    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. Where
     there are zips the Blender tests install theirs; otherwise they load the checkout. scenarios: the
     arguments of the part in a window, None without it. Returns the results and the warnings.
     """
@@ -153,7 +152,6 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     jobs = min(2, os.cpu_count() or 1, len(works))
     if jobs < 1:
         return [], []
-    jobs += jobs == 2 and scenarios is not None
     with ThreadPoolExecutor(jobs) as pool:
         ended = list(pool.map(lambda work: work(), works))
     return [one for results, _ in ended for one in results], [

@@ -135,30 +135,6 @@ def run(driver, scenarios, output):
     bpy.ops.wm.quit_blender()
 
 
-class Pace:
-    """A timer that goes through steps: after the seconds of each, and once Blender has drawn what it led to.
-
-    Blender draws at the end of each turn of its loop, however long a turn takes on a busy machine. With
-    simulated events its loop does not rest, as it otherwise does for as long, and would keep a core from
-    others.
-    """
-
-    TURNS, REST = 5, 0.005
-
-    def __init__(self, steps):
-        self.steps, self.due, self.turns = steps, time.monotonic() + DRAW, 0
-
-    def __call__(self) -> float | None:
-        time.sleep(self.REST)
-        self.turns += 1
-        if self.turns >= self.TURNS and time.monotonic() >= self.due:
-            seconds = next(self.steps, None)
-            if seconds is None:
-                return None
-            self.due, self.turns = time.monotonic() + seconds, 0
-        return 0.0
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="drive_blender.py")
     parser.add_argument("--zip", help="install this zip; without it the checkout is enabled")
@@ -179,10 +155,9 @@ def main() -> None:
     bpy.context.preferences.view.show_splash = False
     # A tooltip that opens by itself would lie over what a picture shows.
     bpy.context.preferences.view.show_tooltips = False
-    # A software renderer would draw each view eight times.
-    bpy.context.preferences.system.viewport_aa = "OFF"
     bpy.context.preferences.edit.undo_steps = 128
-    bpy.app.timers.register(Pace(run(Driver(folder), scenarios, output)), persistent=True)
+    steps = run(Driver(folder), scenarios, output)
+    bpy.app.timers.register(lambda: next(steps, None), first_interval=DRAW, persistent=True)
 
 
 main()

@@ -12,8 +12,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 IMAGE = "SCFPF Render"
 # Seconds after which a render is taken to hang.
 PATIENCE = 120.0
-# Seconds after which what an event has led to has happened: timers of the extension and of Blender included.
-DRAW = 0.4
+# Long enough for a panel to be laid out and drawn by a software renderer.
+DRAW = 1.0
 
 
 class Driver:
