@@ -32,7 +32,7 @@ BENCHMARKS = {
     "engine": ("engine",),
     "live": ("live/street_drag",),
     "aim": ("aim/bars",),
-    "layers": ("layers",),
+    "layers": ("street/layer_cost",),
     "soak": ("soak",),
     "scale": ("scale",),
     "counts": ("counts",),

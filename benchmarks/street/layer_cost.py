@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 from time import process_time
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from demo import render_demo
 from demo.recipes.layer_pictures import SIZE, add_camera, add_layer, both_sides
