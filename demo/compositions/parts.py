@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import render_demo
-from ..recipes.layer_pictures import add_camera, add_layer
+from ..recipes.layer_pictures import add_camera, add_layer, select_only
 
 __all__ = [
     "Tile",
@@ -94,10 +94,10 @@ def blended(first, second, kind: str, name: str, **field):
     import bpy
 
     for camera in (first, second):
-        _select(camera)
+        select_only(camera)
         if not camera.scfpf.enabled:
             bpy.ops.scfpf.camera_from_camera()
-    _select(first, second)
+    select_only(first, second)
     bpy.ops.scfpf.camera_blend()
     made = bpy.context.object
     made.name = name
@@ -105,17 +105,6 @@ def blended(first, second, kind: str, name: str, **field):
         setattr(made.scfpf.blend_field, key, value)
     bpy.ops.scfpf.blend_map(kind=kind)
     return made
-
-
-def _select(*cameras) -> None:
-    """Select cameras alone, the last one active."""
-    import bpy
-
-    for obj in bpy.context.selected_objects:
-        obj.select_set(False)
-    for camera in cameras:
-        camera.select_set(True)
-        bpy.context.view_layer.objects.active = camera
 
 
 def frame_rays(places: ArrayLike, lens: float, aspect: float) -> Array:

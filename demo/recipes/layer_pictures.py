@@ -222,10 +222,10 @@ def around_view():
     # The car is where the other camera shows it.
     side.data.shift_y = 0.095
     for camera in (street, side):
-        _select(camera)
+        select_only(camera)
         bpy.ops.scfpf.camera_from_camera()
     bpy.ops.scfpf.aim_view_add(camera=side.name, collection="Car")
-    _select(street, side)
+    select_only(street, side)
     bpy.ops.scfpf.camera_blend()
     side.scfpf.aim_targets[0].width = 0.18
     scene.camera.scfpf.blend_field.border = 0.25
@@ -233,7 +233,7 @@ def around_view():
     return scene
 
 
-def _select(*cameras) -> None:
+def select_only(*cameras) -> None:
     """Select cameras alone, the last one active."""
     import bpy
 

@@ -138,7 +138,7 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
-    """Update the blend to changes of its two cameras and of the resolution: keyframes of Blend stay, edits
+    """Update the blend to changes of its cameras and of the resolution: keyframes of Blend stay, edits
     of the blend's own surfaces are lost"""
 
     bl_idname = "scfpf.blend_update"

@@ -32,7 +32,7 @@ _BAKED = _STATIC | {"options": {"ANIMATABLE"}}
 
 
 class SCFPF_BlendField(bpy.types.PropertyGroup):
-    """Where in the image of a camera made by Blend Cameras one of its cameras counts."""
+    """A blend map: where in the image one camera of a blend counts."""
 
     kind: choice("Blend Map", "Where in the picture the camera counts", FIELD_KINDS, "NONE", **_STATIC)
     center: vector(

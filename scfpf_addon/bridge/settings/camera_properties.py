@@ -11,7 +11,6 @@ import bpy
 from bpy.props import (
     CollectionProperty,
     FloatProperty,
-    IntProperty,
     PointerProperty,
 )
 
@@ -31,6 +30,7 @@ from .property_options import (
     STATIC,
     choice,
     integer,
+    list_index,
     number,
     pointer,
     switch,
@@ -286,13 +286,7 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         type=SCFPF_SurfaceSlot,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )
-    active_surface: IntProperty(
-        name="Active Control Surface",
-        description="The control surface that is selected in the list",
-        default=0,
-        min=0,
-        **STATIC,
-    )
+    active_surface: list_index("Active Control Surface", "The control surface that is selected in the list")
     edit_volume: switch(
         "Edit Volume",
         "Show the control surfaces in front of the scene and make them selectable",
@@ -317,13 +311,7 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         type=SCFPF_ImageMapping,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )
-    active_mapping: IntProperty(
-        name="Active Image Mapping",
-        description="The mapping that is selected in the list",
-        default=0,
-        min=0,
-        **STATIC,
-    )
+    active_mapping: list_index("Active Image Mapping", "The mapping that is selected in the list")
     u_range: vector(
         "U Range",
         "The parameter u at the picture's left and right border (ends of the turn if polar)",
@@ -360,26 +348,14 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         type=SCFPF_BlendFurther,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )
-    active_blend: IntProperty(
-        name="Active Further Camera",
-        description="The further camera that is selected in the list",
-        default=0,
-        min=0,
-        **STATIC,
-    )
+    active_blend: list_index("Active Further Camera", "The further camera that is selected in the list")
     aim_targets: CollectionProperty(
         name="Aim Targets",
         description="The views, pins, lines and stays that Solve aims the picture at",
         type=SCFPF_AimTarget,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )
-    active_aim: IntProperty(
-        name="Active Aim Target",
-        description="The target that is selected in the list",
-        default=0,
-        min=0,
-        **STATIC,
-    )
+    active_aim: list_index("Active Aim Target", "The target that is selected in the list")
     aim: pointer("Aim", "Settings and results of Aim", SCFPF_Aim)
     layers: CollectionProperty(
         name="Layers",
@@ -387,13 +363,7 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         type=SCFPF_ImageLayer,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )
-    active_layer: IntProperty(
-        name="Active Layer",
-        description="The layer that is selected in the list",
-        default=0,
-        min=0,
-        **STATIC,
-    )
+    active_layer: list_index("Active Layer", "The layer that is selected in the list")
     layer_image: pointer(
         "Picture of Layers",
         "The image by Check Layers that shows in colors which layer each pixel belongs to",

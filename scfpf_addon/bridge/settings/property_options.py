@@ -44,6 +44,11 @@ def integer(name, description, default, low, high, **options):
     return IntProperty(**(ANIMATABLE | given | options))
 
 
+def list_index(name, description):
+    """The number, from 0, of the entry that is selected in a list."""
+    return IntProperty(name=name, description=description, default=0, min=0, **STATIC)
+
+
 def vector(name, description, default, low, high, **options):
     """As many numbers between two limits as there are defaults."""
     given = {"name": name, "description": description, "default": default, "min": low, "max": high}

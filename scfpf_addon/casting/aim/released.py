@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What may leave its place in the image so that pins come free."""
+"""Parts of obstacles that need not stay where the image shows them, so that pins come free."""
 
 from __future__ import annotations
 

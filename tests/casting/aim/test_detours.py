@@ -41,7 +41,7 @@ def first_round(case):
 
 
 def met_boxes(case, result):
-    """How many projectors meet the obstacle before their pins: segments against the slabs of its box."""
+    """The number of projectors that meet the obstacle before their pins, by the slabs of its box."""
     place = case.place
     box = place.vertices[np.unique(place.triangles[place.objects == OBSTACLE])]
     low, high = box.min(axis=0)[:, None], box.max(axis=0)[:, None]
