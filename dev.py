@@ -127,9 +127,11 @@ def command_test(options, rest):
 def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     """Run parts of the suite, (environment, part) each, on as many cores as there are, and no more than two.
 
-    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. Where
-    there are zips the Blender tests install theirs; otherwise they load the checkout. scenarios: the
-    arguments of the part in a window, None without it. Returns the results and the warnings.
+    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. The part
+    in a window waits half of the time, so it runs beside two others. Tests with the mark "once" run in the
+    first environment only. Where there are zips the Blender tests install theirs; otherwise they load the
+    checkout. scenarios: the arguments of the part in a window, None without it. Returns the results and the
+    warnings.
     """
     # Threads of OpenBLAS that wait for a core which another part keeps busy take several times as long.
     environ = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **({testing.INSTALL_ZIP: "1"} if zipped else {})}
@@ -140,6 +142,9 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
         title = f"{environment.title}, {part} tests"
         if zipped and part == "blender":
             title += " of the installed zip"
+        if environment is not runs[0][0] and "-m" not in plan[part]:
+            command += testing.WITHOUT_ONCE
+            title += " but those that one Blender is enough for"
         if jobs == 1:
             return [testing.run_pytest(title, report, command, environ)], []
         label = f"[{environment.folder.name} {part}]"
@@ -152,6 +157,7 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     jobs = min(2, os.cpu_count() or 1, len(works))
     if jobs < 1:
         return [], []
+    jobs += jobs == 2 and scenarios is not None
     with ThreadPoolExecutor(jobs) as pool:
         ended = list(pool.map(lambda work: work(), works))
     return [one for results, _ in ended for one in results], [

@@ -28,6 +28,8 @@ WHOLE_SUITE = {
     "window": [],
 }
 NO_TESTS_COLLECTED = 5  # pytest's exit code
+# Options of pytest that leave out what one Blender is enough for.
+WITHOUT_ONCE = ["-m", "not once"]
 # With this variable the Blender tests install the zip in dist/; without it they load the checkout.
 INSTALL_ZIP = "SCFPF_INSTALL_ZIP"
 

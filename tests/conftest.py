@@ -1,11 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Property-based tests: no time limits (machines differ), and the same examples every time in CI."""
+"""Property-based tests: no time limits (machines differ), and the same examples every time in CI.
+
+What one Blender is enough for is marked here.
+"""
 
 import os
+import pathlib
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 SLOW = [HealthCheck.too_slow]
 settings.register_profile("scfpf", max_examples=50, deadline=None, suppress_health_check=SLOW)
 settings.register_profile("scfpf-ci", settings.get_profile("scfpf"), derandomize=True)
 settings.load_profile("scfpf-ci" if os.environ.get("CI") else "scfpf")
+
+TESTS = pathlib.Path(__file__).parent
+# Files and folders whose tests get the mark "once": they take long, and what they show is mathematics, or
+# the code itself, not a Blender's, Python's or NumPy's. Quick tests of the same modules run on all.
+ONCE = (
+    "casting/aim",
+    "casting/cells/test_occupied_chords.py",
+    "casting/exact/test_b_spline_projectors.py",
+    "casting/exact/test_bound.py",
+    "casting/exact/test_exact_extremes.py",
+    "casting/exact/test_exact_million.py",
+    "casting/exact/test_exact_reference.py",
+    "casting/exact/test_rational_projectors.py",
+    "casting/scene/test_occupancy.py",
+    "casting/whole/test_cast_reference.py",
+    "shading/picking/test_seen.py",
+    "test_architecture.py",
+    "test_dev.py",
+    "test_documents.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    missing = [name for name in ONCE if not (TESTS / name).exists()]
+    assert not missing, f"tests/conftest.py marks what is not there: {missing}"
+    once = [TESTS / name for name in ONCE]
+    for item in items:
+        if any(item.path.is_relative_to(path) for path in once):
+            item.add_marker(pytest.mark.once)

@@ -135,6 +135,15 @@ def run(driver, scenarios, output):
     bpy.ops.wm.quit_blender()
 
 
+def rest() -> float:
+    """Leave the processor to others for a moment: with simulated events Blender itself does not.
+
+    Without them it rests as long whenever nothing happens.
+    """
+    time.sleep(0.005)
+    return 0.0
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="drive_blender.py")
     parser.add_argument("--zip", help="install this zip; without it the checkout is enabled")
@@ -155,7 +164,10 @@ def main() -> None:
     bpy.context.preferences.view.show_splash = False
     # A tooltip that opens by itself would lie over what a picture shows.
     bpy.context.preferences.view.show_tooltips = False
+    # A software renderer would draw each view eight times.
+    bpy.context.preferences.system.viewport_aa = "OFF"
     bpy.context.preferences.edit.undo_steps = 128
+    bpy.app.timers.register(rest, persistent=True)
     steps = run(Driver(folder), scenarios, output)
     bpy.app.timers.register(lambda: next(steps, None), first_interval=DRAW, persistent=True)
 

@@ -60,7 +60,7 @@ def triangles_through(points, generator, longest):
     return np.stack([(points - w[1] * second - w[2] * third) / w[0], second, third]).transpose(0, 2, 1)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 1 << 30), st.sampled_from([0.0, 0.02, 0.3]), st.sampled_from([0.0, 10.0, 1e4]))
 def test_a_triangle_through_a_point_of_a_chord_is_found(seed, wild, far):
     """One triangle at a time, so that no other hides a miss."""
@@ -167,14 +167,14 @@ def test_few_chords_that_triangles_miss_count_as_occupied(size):
     ends = bent_cells(11, wild=0.02)
     hulls = hull_corners(ends).reshape(-1, 8, 3)
     exact = held = 0
-    for _ in range(40):
+    for _ in range(20):
         middle = generator.dirichlet(np.ones(8)) @ hulls[generator.integers(len(hulls))]
         triangle = middle + generator.normal(size=(3, 3)) * size
         found = occupied_chords(ends, [triangle[:, :, None]]).reshape(-1)
         truth = np.array([not clipped_away(hull, triangle) for hull in hulls])
         assert not (truth & ~found).any()
         exact, held = exact + truth.sum(), held + found.sum()
-    assert exact > 30
+    assert exact > 15
     assert held <= 1.3 * exact
 
 

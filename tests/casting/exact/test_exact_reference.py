@@ -21,7 +21,7 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
-WIDTH, HEIGHT = 96, 54
+WIDTH, HEIGHT = 64, 36
 
 # Two hits count as one when their t differ by less.
 SAME = 1e-9

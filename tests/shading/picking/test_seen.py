@@ -60,10 +60,13 @@ def facing(z, low, high):
 @pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE"])
 def test_no_box_on_the_projector_is_missed_and_few_others_are_kept(kind, basis):
     random = np.random.default_rng(7)
-    low = random.uniform(-12, 6, (4000, 3))
-    high = low + random.uniform(0.0, 0.8, (4000, 3))
     projection = volume(kind, basis)
     points = walked(projection, 0.3, 0.8)
+    size = random.uniform(0.0, 0.8, (500, 3))
+    # Some hold a point of the projector, the others lie anywhere.
+    near = random.choice(points, 50) - size[:50] * random.random((50, 3))
+    low = np.concatenate([near, random.uniform(-12, 6, (450, 3))])
+    high = low + size
     held = np.array(
         [((points >= a) & (points <= b)).all(axis=1).any() for a, b in zip(low, high, strict=True)]
     )
