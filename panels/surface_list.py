@@ -89,7 +89,7 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
         for label, owner, name in parameter_properties(slot.object):
             column.prop(owner, name, text=label)
     except SurfaceError as error:
-        draw_text(column, str(error), "ERROR")
+        draw_text(column, error, "ERROR")
     if is_scaled(slot.object):
         _draw_world_sizes(layout.column(align=True), context.scene, slot.object)
 

@@ -149,10 +149,10 @@ def _evening_car() -> Recipe:
 
 PIECES = {
     "bust": Piece(_bust(), (1200, 1872), lambda scene: None),
-    "impossible-street": Piece(_impossible(), (1280, 640), evening),
+    "impossible-street": Piece(_impossible(), (1920, 960), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
-    "evening-car": Piece(_evening_car(), (1280, 640), evening),
+    "evening-car": Piece(_evening_car(), (1920, 960), evening),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 
