@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages and errors that can be translated after they were made."""
 
+from __future__ import annotations
+
 
 class Message(str):
     """An English message that keeps its template and the values for its places {0}, {1}, …
@@ -12,7 +14,7 @@ class Message(str):
     template: str
     values: tuple[object, ...]
 
-    def __new__(cls, template: str, *values: object):
+    def __new__(cls, template: str, *values: object) -> Message:
         self = super().__new__(cls, template.format(*values) if values else template)
         self.template, self.values = template, values
         if isinstance(template, Message) and not values:

@@ -194,8 +194,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
 
     use_pass_diffuse: _switch(
         "Diffuse",
-        "Light scattered by surfaces, with their color: from lights and the world. Diffuse, "
-        "Specular, Emission and Environment add up to the picture",
+        "Light scattered by surfaces, with their color: from lights and the world; with Specular, "
+        "Emission and Environment it adds up to the picture",
     )
     use_pass_specular: _switch(
         "Specular",
@@ -203,8 +203,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_shadow_catcher: _switch(
         "Shadow Catcher",
-        "Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it and "
-        "put the picture over that. The picture itself then has no shadows on catchers",
+        "Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it and put the "
+        "picture, which then has no shadows on catchers, over that",
     )
     use_pass_parameters: _switch(
         "Projector Parameters",
@@ -212,8 +212,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_perspective_depth: _switch(
         "Perspective Depth",
-        "Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: "
-        "finer than t near the camera. It equals t where projectors are parallel",
+        "Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: finer than "
+        "t near the camera, and equal to it where projectors are parallel",
     )
     use_pass_tangent: _switch(
         "Projector Tangent",

@@ -138,7 +138,7 @@ def _chances(x: Array, y: Array) -> Array:
     bits ^= y.astype(np.float64).view(np.uint64)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
-    chances: Array = ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+    chances: Array = ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return chances
 
 
