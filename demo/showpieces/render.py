@@ -187,7 +187,7 @@ def one_volume() -> tuple[object, list[Callable[[], None]]]:
 
 
 # The samples of each film, and the milliseconds of its images.
-FILMS = {"street-rises": (street_rises, 8, 160), "one-volume": (one_volume, 4, 180)}
+FILMS = {"street-rises": (street_rises, 8, 160), "one-volume": (one_volume, 4, 200)}
 
 
 def film(name: str) -> None:
