@@ -27,7 +27,7 @@ SHOWING = {"say", "worded", "draw_text", "report", "poll_message_set", "Message"
 TELLING = {"act", "edit"}
 Text = tuple[str, str]
 # Places of values alone, and icons, whose names are in capitals.
-NO_TEXT = re.compile(r"([ .:]|\{\d\})*|[A-Z0-9_]{2,}")
+NO_TEXT = re.compile(r"([ .:()]|\{\d\})*|[A-Z0-9_]{2,}")
 ANY, OPERATOR = "*", "Operator"
 
 

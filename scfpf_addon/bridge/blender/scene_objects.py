@@ -65,8 +65,8 @@ def absence(obj, scene) -> str:
     if holds(scene.objects, obj):
         return ""
     if not obj.users_collection:
-        return "deleted"
-    return "in another scene" if obj.users_scene else "in no scene"
+        return Message("deleted")
+    return Message("in another scene") if obj.users_scene else Message("in no scene")
 
 
 def absent_text(obj, scene, otherwise: str, camera=None) -> str:
