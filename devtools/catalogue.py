@@ -22,20 +22,21 @@ msgstr ""
 "Content-Type: text/plain; charset=UTF-8\\n"
 """
 # Functions whose text arguments are shown.
-SHOWING = {"say", "worded", "draw_text", "report", "poll_message_set"}
+SHOWING = {"say", "worded", "draw_text", "report", "poll_message_set", "Message"}
 # Methods that return a message.
 TELLING = {"act", "edit"}
 Text = tuple[str, str]
+# Places of values alone, and icons, whose names are in capitals.
+NO_TEXT = re.compile(r"([ .:()]|\{\d\})*|[A-Z0-9_]{2,}")
 ANY, OPERATOR = "*", "Operator"
 
 
 def catalogue(module: str) -> list[Text]:
     """All texts, sorted. module: the name of the enabled extension's package."""
     found = {*registered(module), *((ANY, text) for text in (*written(), *raised()))}
-    # A docstring's line breaks depend on Python; icons are names in capitals.
+    # A docstring's line breaks depend on Python.
     plain = {(context, " ".join(text.split()) if "\n" in text else text) for context, text in found}
-    no_text = re.compile(r"[ .:]*|\{0\}|[A-Z0-9_]{2,}")
-    kept = (text for text in plain if not no_text.fullmatch(text[1]))
+    kept = (text for text in plain if not NO_TEXT.fullmatch(text[1]))
     return sorted(kept, key=lambda text: (text[1], text[0]))
 
 
@@ -89,15 +90,14 @@ def written() -> Iterator[str]:
 
 
 def raised() -> Iterator[str]:
-    """The messages of errors that operators translate: those derived from TemplateError."""
+    """The texts of messages, and those of errors that are derived from TemplateError."""
     paths = sorted((ROOT / "scfpf_addon").rglob("*.py"))
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
-    kinds = {
-        node.name
-        for tree in trees
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef) and "TemplateError" in map(ast.unparse, node.bases)
-    }
+    kinds = {"Message", "TemplateError"}
+    classes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    bases = {node.name: set(map(ast.unparse, node.bases)) for node in classes}
+    while more := {name for name in bases if bases[name] & kinds} - kinds:
+        kinds |= more
     for tree in trees:
         assigned = [node for node in tree.body if isinstance(node, ast.Assign)]
         named = {ast.unparse(node.targets[0]): node.value for node in assigned}

@@ -4,9 +4,9 @@
 import textwrap
 
 import bpy
-from bpy.app.translations import pgettext_iface
 
 from ..operators.common.target import flexible_camera_of
+from ..operators.common.words import drawn
 
 # Characters that fit a line of the sidebar, roughly.
 LINE = 36
@@ -64,10 +64,10 @@ def section_panels(section: type, name: str) -> tuple[type[bpy.types.Panel], ...
     )
 
 
-def draw_text(layout, text: str, icon: str) -> None:
-    """Draw a text in as many lines of the sidebar as it needs, with an icon before the first."""
+def draw_text(layout, text: str | BaseException, icon: str) -> None:
+    """Draw a text or an error in as many lines of the sidebar as it needs, with an icon before the first."""
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(pgettext_iface(text), LINE)):
+    for number, line in enumerate(textwrap.wrap(drawn(text), LINE)):
         column.label(text=line, icon="BLANK1" if number else icon, translate=False)
 
 

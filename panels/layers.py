@@ -76,6 +76,9 @@ def draw_layer(layout, layer) -> None:
     column.active = layer.is_on
     for name in ("collection", "camera", "position", "size", "front", "mask", "halo"):
         column.prop(layer, name)
+    row = column.row()
+    row.active = layer.halo > 0.0
+    row.prop(layer, "feather")
     lack = lacking(layer)
     if lack:
         draw_text(layout, worded("Left out: {0}", lack), "ERROR")

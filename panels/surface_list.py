@@ -10,6 +10,7 @@ from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, wo
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
 from ..scfpf_addon.bridge.surfaces.surface_object import parameter_properties
 from ..scfpf_addon.projection.editing.volume_edits import EditingError
+from ..scfpf_addon.projection.template_error import Message
 from .base import draw_text
 
 # The width of a weight in the list, in the interface's units: six digits.
@@ -19,7 +20,7 @@ WEIGHT_WIDTH = 3
 def absence_of(scene, slot) -> str:
     """The reason why a scene lacks a slot's object, in two or three words; empty if the scene has it."""
     if slot.object is None:
-        return "deleted"
+        return Message("deleted")
     # A visible object is in the scene; searching a scene takes longer the more objects it has.
     if scene == bpy.context.scene and slot.object.visible_get():
         return ""
@@ -33,8 +34,10 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
         row = layout.row(align=True)
         if where := absence_of(context.scene, item):
             row.alert = True
-            text = "Deleted" if item.object is None else f"{item.object.name} ({where})"
-            row.label(text=text, icon="ERROR")
+            if item.object is None:
+                row.label(text="Deleted", icon="ERROR")
+            else:
+                row.label(text=worded("{0} ({1})", item.object.name, where), icon="ERROR", translate=False)
             return
         row.prop(item.object, "name", text="", emboss=False, icon=icon_of(item.object))
         last = len(data.surfaces) - 1
@@ -78,8 +81,10 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
     """Draw the weight, kind and sizes of a control surface."""
     if where := absence_of(context.scene, slot):
         is_gone = where == "deleted"
-        text = "Remove it from the list with -" if is_gone else "Link it to the scene, or press -"
-        layout.label(text=text, icon="ERROR")
+        layout.label(
+            text="Remove it from the list with -" if is_gone else "Link it to the scene, or press -",
+            icon="ERROR",
+        )
         return
     column = layout.column()
     if basis == "NURBS":
@@ -89,7 +94,7 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
         for label, owner, name in parameter_properties(slot.object):
             column.prop(owner, name, text=label)
     except SurfaceError as error:
-        draw_text(column, str(error), "ERROR")
+        draw_text(column, error, "ERROR")
     if is_scaled(slot.object):
         _draw_world_sizes(layout.column(align=True), context.scene, slot.object)
 

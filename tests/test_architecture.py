@@ -23,7 +23,6 @@ REASONS = {
     "scfpf_addon/projection/colors.py": "colour science that several packages use",
     "scfpf_addon/casting/common/ray_visibility.py": "bits that the bridge and shading agree on",
     "scfpf_addon/shading/interpolation.py": "interpolation in tables, for nodes and lights",
-    "scfpf_addon/projection/template_error.py": "errors that operators translate, below all layers",
     "scfpf_addon/shading/nodes/operations.py": "the table of operations, above their modules",
 }
 # Blender reads property groups and panels as one class each.

@@ -8,20 +8,19 @@ import numpy as np
 from ..recipes.layer_pictures import add_camera, add_layer
 from .walk import walk
 
-# The layer's shares of the image's width and height, and where the layer's middle is.
-SIZE, POSITION = (0.94, 0.50), (0.5, 0.24)
+# The layer's shares of the image's width, beyond its borders, and height, and where the layer's middle is.
+SIZE, POSITION = (1.04, 0.50), (0.5, 0.24)
 # Half the width that the layer shows, in widths of things, and its lowest and highest point.
-HALF, LOW, HIGH = 4.7, -0.75, 1.75
+HALF, LOW, HIGH = 5.43, -0.75, 1.75
 # Distances of the surfaces from the car's middle, and how far projectors fall on each metre.
 REACH, DOWN = (8.0, 0.02), 0.16
 # Where the volume begins to turn, the radius of the turn, and how far it turns, in degrees.
 START, RADIUS, TURN = -1.3, 0.9, 72.0
 # How fast the layer's middle passes over things: below 1, the car's front is wider.
-FRONT = 0.8
-# The part of the layer over which its ground fades into the street's, as shares of its width and height.
-FADE = (0.05, 0.16)
+FRONT = 0.766
+# Metres around the car within which its ground is seen as it is, and fades into the street's.
+HALO = 0.8
 ROWS, COLUMNS = 9, 161
-MASK_SIZE = (512, 256)
 
 
 def evening_car():
@@ -41,30 +40,7 @@ def evening_car():
     ]
     eye = camera_of(scene, render_demo.MODULE, surfaces, "Round the Car")
     scene.camera = street
-    layer = add_layer(street, "Car", eye, front="ORDER", halo=0.3, position=POSITION, size=SIZE)
-    layer.mask = _mask()
+    frame = {"position": POSITION, "size": SIZE}
+    add_layer(street, "Car", eye, front="ORDER", halo=HALO, feather=1.0, **frame)
     bpy.context.view_layer.update()
     return scene
-
-
-def _mask():
-    """An image over the whole picture that fades the layer out at its sides and its lower end."""
-    import bpy
-
-    width, height = MASK_SIZE
-    x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
-    across = 0.5 - np.abs(x - POSITION[0]) / SIZE[0]
-    up = 0.5 + (y - POSITION[1]) / SIZE[1]
-    shown = _ramp(up / FADE[1])[:, None] * _ramp(across / FADE[0])[None]
-    pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = shown[..., None]
-    image = bpy.data.images.new("Layer Mask", width, height, float_buffer=True)
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
-    return image
-
-
-def _ramp(share):
-    """Rise smoothly from 0 to 1."""
-    share = np.clip(share, 0.0, 1.0)
-    return share * share * (3.0 - 2.0 * share)

@@ -149,18 +149,18 @@ def _evening_car() -> Recipe:
 
 PIECES = {
     "bust": Piece(_bust(), (1200, 1872), lambda scene: None),
-    "impossible-street": Piece(_impossible(), (1280, 640), evening),
+    "impossible-street": Piece(_impossible(), (1920, 960), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
-    "evening-car": Piece(_evening_car(), (1280, 640), evening),
+    "evening-car": Piece(_evening_car(), (1920, 960), evening),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 
 
 # The films' size, and the quality of their compression.
-FILM_SIZE, FILM_QUALITY = (560, 280), 55
+FILM_SIZE, FILM_QUALITY = (480, 240), 50
 # Frames from one end to the other of the street that rises.
-RISING_FRAMES = 50
+RISING_FRAMES = 26
 
 
 def street_rises() -> tuple[object, list[Callable[[], None]]]:
@@ -171,7 +171,7 @@ def street_rises() -> tuple[object, list[Callable[[], None]]]:
         share = frame / (RISING_FRAMES - 1)
         scene.camera.scfpf.blend_factor = share * share * (3.0 - 2.0 * share)
 
-    up = [*[0] * 6, *range(RISING_FRAMES), *[RISING_FRAMES - 1] * 6, *range(RISING_FRAMES - 2, 0, -1)]
+    up = [*[0] * 3, *range(RISING_FRAMES), *[RISING_FRAMES - 1] * 3, *range(RISING_FRAMES - 2, 0, -1)]
     return scene, [functools.partial(blend, frame) for frame in up]
 
 
@@ -182,12 +182,12 @@ def one_volume() -> tuple[object, list[Callable[[], None]]]:
 
     scene = render_demo.build_street()
     street_film.add_camera(scene, render_demo.MODULE)
-    frames = range(scene.frame_start, scene.frame_end)
+    frames = range(scene.frame_start, scene.frame_end, 2)
     return scene, [functools.partial(scene.frame_set, frame) for frame in frames]
 
 
 # The samples of each film, and the milliseconds of its images.
-FILMS = {"street-rises": (street_rises, 8, 90), "one-volume": (one_volume, 4, 100)}
+FILMS = {"street-rises": (street_rises, 8, 160), "one-volume": (one_volume, 4, 200)}
 
 
 def film(name: str) -> None:

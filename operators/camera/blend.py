@@ -23,6 +23,7 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_
 from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
+from ...scfpf_addon.projection.template_error import Message
 from ...scfpf_addon.projection.volume.folds import find_folds
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool, select_only
@@ -261,7 +262,7 @@ def flexible_end(context, camera, end):
     """``end``, a flexible camera other than the blend itself that the scene has. Raises BlendError."""
     if end is None:
         raise BlendError("A further camera of the blend is gone: choose one in the list, or remove it there")
-    if lost := absent_text(end, context.scene, "choose another camera"):
+    if lost := absent_text(end, context.scene, Message("choose another camera")):
         raise BlendError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
         raise BlendError(say("'{0}' is not a flexible camera: choose another one", end.name))

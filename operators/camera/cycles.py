@@ -10,7 +10,7 @@ from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
-from ..common.words import say
+from ..common.words import say, told
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
 # Seconds between two steps, in which Blender shows the progress and handles the Esc key.
@@ -111,7 +111,7 @@ class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
             return {"FINISHED"}
         rig = rigs.switch_on(context, camera, plan)
         for caution in cautions(context.scene, context.view_layer, rig):
-            self.report({"WARNING"}, caution)
+            self.report({"WARNING"}, told(caution))
         self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
         return {"FINISHED"}
 

@@ -112,7 +112,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             if is_flat(source, depsgraph):
                 self.report({"WARNING"}, FLAT)
         if text := not_here(camera):
-            self.report({"WARNING"}, text)
+            self.report({"WARNING"}, told(text))
         if bpy.app.background:
             self.report(
                 {"INFO"}, "The nodes preview is ready: open the file in a Blender with a window to see it"

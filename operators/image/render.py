@@ -18,7 +18,7 @@ from ...scfpf_addon.bridge.render.result_image import (
 )
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import chosen_camera
-from ..common.words import say
+from ..common.words import say, told
 from .image_editors import image_editors, open_image_editor
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -114,7 +114,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             refused(self, error)
             return False
         for warning in inputs.scene.warnings:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, told(warning))
         return True
 
     def _deliver(self, context):
@@ -137,7 +137,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         except BAD_INPUT as error:
             return refused(self, error)
         if warning:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, told(warning))
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report, camera.scfpf.statistics = outcome, statistics

@@ -11,6 +11,7 @@ from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import chosen_camera, take_up_edits
+from ..common.words import told
 from ..image.image_editors import image_editors
 from ..image.preparation import poll_no_render
 
@@ -141,7 +142,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
 
     def _finish(self, context, job: LayersJob):
         for warning in job.warnings:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, told(warning))
         for space in image_editors(context.window_manager)[:1]:
             space.image = result_image()
         if job.outcome:

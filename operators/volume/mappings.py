@@ -13,7 +13,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import STEPS, Tool, select_only, tooltip_of
-from ..common.words import say
+from ..common.words import say, told
 from ..image.image_click import ImageClick
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
@@ -145,7 +145,7 @@ class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
                 area.spaces.active.image = image
                 break
         if warning:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, told(warning))
         return say(
             "The ST map is the image '{0}': save it with Image > Save As, or read it with a mapping",
             image.name,

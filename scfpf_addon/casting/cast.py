@@ -71,13 +71,13 @@ def cast(
     does not suffice.
     """
     if not 0.0 <= pixel_error < math.inf:
-        raise CastError(f"the pixel error must be 0 or more, not {pixel_error}")
+        raise CastError("the pixel error must be 0 or more, not {0}", pixel_error)
     counts = CastCounts() if counts is None else counts
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     if len(x) == 0:
         return Hits.empty(0)
     if columns is not None and len(x) % columns:
-        raise CastError(f"{len(x)} image positions are not rows of {columns}")
+        raise CastError("{0} image positions are not rows of {1}", len(x), columns)
     tile = _Tile(scene=scene, projection=projection, x=x, y=y, pixel_size=pixel_size, columns=columns)
     if columns is not None or (pixel_error > 0.0 and projection.volume.spans.is_polyline):
         return _cast_tile(tile, pixel_error, counts, weighted)

@@ -47,7 +47,7 @@ def image_tiles(width: int, height: int) -> list[slice]:
     Raises CastError for an image without pixels.
     """
     if width < 1 or height < 1:
-        raise CastError(f"an image of {width} × {height} pixels cannot be cast")
+        raise CastError("an image of {0} × {1} pixels cannot be cast", width, height)
     most = max(1, min(TILE_PIXELS // width, -(-height // FEWEST_TILES)))
     count = -(-height // most)
     bounds = [height * k // count for k in range(count + 1)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
+from ..projection.template_error import Message
 from . import hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
@@ -12,7 +13,7 @@ from .rig_data import CYCLES, NO_CYCLES, has_cycles
 
 # Start of the data paths of image mappings.
 MAPPINGS_PATH = "scfpf.mappings["
-NO_AREA = "Projectors meet in a line, and what is behind it shows too: widen that control surface"
+NO_AREA = Message("Projectors meet in a line, and what is behind it shows too: widen that control surface")
 
 
 def cautions(scene, view_layer, rig) -> list[str]:
@@ -27,47 +28,66 @@ def _about_scene(scene, view_layer, settings) -> list[str]:
     if settings.problem:
         found.append(settings.problem)
     if scene.render.engine != CYCLES:
-        found.append("The rig works only in Cycles: choose it as the Render Engine")
+        found.append(Message("The rig works only in Cycles: choose it as the Render Engine"))
     if scene.camera != settings.view_camera:
-        found.append("The scene has another camera: make the rig's the scene camera again")
+        found.append(Message("The scene has another camera: make the rig's the scene camera again"))
     if scene.render.use_multiview:
         found.append(ALIKE)
     if view_layer.material_override is not None:
-        found.append("The material override stops the rays: clear it in View Layer Properties")
+        found.append(Message("The material override stops the rays: clear it in View Layer Properties"))
     if cycles.transparent_max_bounces < settings.chords + 2:
-        found.append(f"Too few transparent bounces: raise Light Paths > Transparent to {settings.chords + 2}")
+        found.append(
+            Message(
+                "Too few transparent bounces: raise Light Paths > Transparent to {0}", settings.chords + 2
+            )
+        )
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
-        found.append("Culling would leave all objects out: switch it off in Simplify > Culling")
+        found.append(Message("Culling would leave all objects out: switch it off in Simplify > Culling"))
     return found
 
 
 def _about_volume(scene, settings) -> list[str]:
     found = [NOT_BY_F12] if shown_layers(settings.camera) and not settings.passing else []
     if settings.camera.data.dof.use_dof and settings.chords > 1:
-        found.append("No depth of field, as the projectors are bent: switch it off, or make them straight")
+        found.append(
+            Message("No depth of field, as the projectors are bent: switch it off, or make them straight")
+        )
     if settings.smoke:
         found.append(
-            f"The near surface is in the smoke of '{settings.smoke}', which Cycles misses: move it out"
+            Message(
+                "The near surface is in the smoke of '{0}', which Cycles misses: move it out", settings.smoke
+            )
         )
     if settings.raycast:
-        found.append(f"The Raycast node of '{settings.raycast}' meets the rig's sheets: switch on Only Local")
+        found.append(
+            Message(
+                "The Raycast node of '{0}' meets the rig's sheets: switch on Only Local", settings.raycast
+            )
+        )
     if settings.asks_camera:
         found.append(
-            f"The material '{settings.asks_camera}' uses the camera or the ray, and gets the rig's: "
-            "replace those nodes"
+            Message(
+                "The material '{0}' uses the camera or the ray, and gets the rig's: replace those nodes",
+                settings.asks_camera,
+            )
         )
     if settings.flat:
         found.append(NO_AREA)
     if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
-        found.append(f"Off by up to {settings.error:.2g} px, the best possible: bend the volume less")
+        found.append(
+            Message("Off by up to {0:.2g} px, the best possible: bend the volume less", settings.error)
+        )
     if settings.missing > 0.0:
-        found.append("Empty parts of the image are filled in: render with SCFPF to keep them empty")
+        found.append(Message("Empty parts of the image are filled in: render with SCFPF to keep them empty"))
     found += [
-        f"Cycles shows the control surface '{name}': make it local, or remove its Ray Visibility drivers"
+        Message(
+            "Cycles shows the control surface '{0}': make it local, or remove its Ray Visibility drivers",
+            name,
+        )
         for name in hidden_surfaces.seen_surfaces(scene)
     ]
     if _mappings_move(settings.camera):
-        found.append("Image mappings stand still in an animation by Cycles: render it with SCFPF")
+        found.append(Message("Image mappings stand still in an animation by Cycles: render it with SCFPF"))
     return found
 
 

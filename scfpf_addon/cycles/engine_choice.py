@@ -7,10 +7,11 @@ import bpy
 
 from ..bridge.blender.rig_mark import camera_behind
 from ..bridge.render.render_engine import ENGINE
+from ..projection.template_error import Message
 from .rig_data import CYCLES, rig_of
 
 # The warning about F12 through a rig in a stereoscopic scene.
-ALIKE = "Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy"
+ALIKE = Message("Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy")
 
 
 def engine_name(scene) -> str:

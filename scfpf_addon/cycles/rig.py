@@ -19,6 +19,7 @@ from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.image_size import image_size
 from ..bridge.render.render_errors import RenderError
 from ..bridge.sync.handlers import sync as sync_volumes
+from ..projection.template_error import Message
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices
@@ -51,7 +52,7 @@ from .smoke import smoke_around
 SAMPLED = 9
 # The rig of a volume without animation is made smaller again if this share of its chords is enough.
 ENOUGH = 0.7
-STALE = "The animated volume has changed: press Update Chords"
+STALE = Message("The animated volume has changed: press Update Chords")
 
 # Signature of the volume that each rig was last brought in step with, by session id of the rig.
 _seen: dict[int, tuple] = {}

@@ -9,6 +9,8 @@ import stat
 from pathlib import Path
 from time import monotonic
 
+from .template_error import TemplateError
+
 MAXIMUM_BYTES = 16 * 2**20
 # Seconds and bytes that reading takes at most.
 MAXIMUM_SECONDS = 5.0
@@ -24,6 +26,7 @@ MAXIMUM_NURBS_POINTS = 256 * 256
 MAXIMUM_OVERLAPS = 2048
 # Triangles of a UV mesh that meet at one vertex: Blender's time for its normals grows with their square.
 MAXIMUM_AT_VERTEX = 10_000
+TOO_MANY = "the preset has too many numbers, at most {0} are allowed"
 # Of a key in a message.
 SHOWN_CHARACTERS = 80
 
@@ -33,7 +36,7 @@ OBJECT_BYTES, LIST_BYTES, VALUE_BYTES = 400, 120, 70
 OTHER_COMMAS = 100_000
 
 
-class PresetError(ValueError):
+class PresetError(TemplateError):
     """A preset that cannot be used; the message says what to change."""
 
 
@@ -57,7 +60,7 @@ def read_bytes(path: Path, most: int = MAXIMUM_BYTES + 1) -> bytes:
 def check_size(size: int) -> None:
     """Raise PresetError for more bytes or characters than a preset may have."""
     if size > MAXIMUM_BYTES:
-        raise PresetError(f"the preset is larger than {MAXIMUM_BYTES // 2**20} MB")
+        raise PresetError("the preset is larger than {0} MB", MAXIMUM_BYTES // 2**20)
 
 
 def parsed(text: str) -> object:
@@ -70,7 +73,7 @@ def parsed(text: str) -> object:
     except RecursionError as error:
         raise PresetError("the preset is nested too deeply") from error
     except ValueError as error:
-        raise PresetError(f"the preset is not valid JSON: {error}") from error
+        raise PresetError("the preset is not valid JSON: {0}", error) from error
 
 
 def _check_text(text: str) -> None:
@@ -81,42 +84,40 @@ def _check_text(text: str) -> None:
     check_size(len(text))
     objects, lists, commas = (text.count(mark) for mark in "{[,")
     if objects * OBJECT_BYTES + lists * LIST_BYTES + commas * VALUE_BYTES > MAXIMUM_MEMORY:
-        raise PresetError(f"reading the preset would take more than {MAXIMUM_MEMORY // 10**6} MB of memory")
+        raise PresetError("reading the preset would take more than {0} MB of memory", MAXIMUM_MEMORY // 10**6)
     if commas > MAXIMUM_NUMBERS + OTHER_COMMAS:
-        raise PresetError(_too_many("numbers", MAXIMUM_NUMBERS))
+        raise PresetError(TOO_MANY, MAXIMUM_NUMBERS)
 
 
 def check_numbers(count: int) -> None:
     """Raise PresetError for more numbers of points, UVs and triangles than a preset may have."""
     if count > MAXIMUM_NUMBERS:
-        raise PresetError(_too_many("numbers", MAXIMUM_NUMBERS))
+        raise PresetError(TOO_MANY, MAXIMUM_NUMBERS)
 
 
 def check_nurbs_points(count: int) -> None:
     """Raise PresetError for more NURBS control points than a preset may have."""
     if count > MAXIMUM_NURBS_POINTS:
-        raise PresetError(_too_many("NURBS points", MAXIMUM_NURBS_POINTS))
-
-
-def _too_many(what: str, most: int) -> str:
-    return f"the preset has too many {what}, at most {most} are allowed"
+        raise PresetError(
+            "the preset has too many NURBS points, at most {0} are allowed", MAXIMUM_NURBS_POINTS
+        )
 
 
 def check_time(start: float) -> None:
     """Raise PresetError when reading, begun at ``start`` by ``monotonic``, takes too long."""
     if monotonic() - start > MAXIMUM_SECONDS:
-        raise PresetError(f"reading the preset takes longer than {MAXIMUM_SECONDS:g} s")
+        raise PresetError("reading the preset takes longer than {0:g} s", MAXIMUM_SECONDS)
 
 
 def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """A JSON object from its pairs; PresetError when a key stands twice, or for too many keys."""
     if len(pairs) > MAXIMUM_KEYS:
-        raise PresetError(f"an object has {len(pairs)} keys, at most {MAXIMUM_KEYS} are allowed")
+        raise PresetError("an object has {0} keys, at most {1} are allowed", len(pairs), MAXIMUM_KEYS)
     values = dict(pairs)
     if len(values) < len(pairs):
         left = dict.fromkeys(values)
         twice = next(key for key, _ in pairs if left.pop(key, key) is not None)
-        raise PresetError(f"the key {shown(twice)} stands twice in one object")
+        raise PresetError("the key {0} stands twice in one object", shown(twice))
     return values
 
 

@@ -42,13 +42,13 @@ def read_object(
 ) -> dict[str, object]:
     """A JSON object with all required keys and no unknown ones."""
     if not isinstance(data, dict):
-        raise PresetError(f"{where} must be an object")
+        raise PresetError("{0} must be an object", where)
     for key in data:
         if key not in required and key not in optional:
-            raise PresetError(f"{where} has an unknown key {shown(key)}")
+            raise PresetError("{0} has an unknown key {1}", where, shown(key))
     for key in required:
         if key not in data:
-            raise PresetError(f"{where} needs {key}")
+            raise PresetError("{0} needs {1}", where, key)
     return data
 
 
@@ -59,8 +59,8 @@ def read_number(value: object, where: str, limit: Limit) -> float:
     if number is not None and limit.low <= number <= limit.high:
         return float(number)
     if limit.low > 0 and (number is None or number <= 0):
-        raise PresetError(f"{where} must be a number above 0")
-    raise PresetError(f"{where} must be a number between {limit.low:g} and {limit.high:g}")
+        raise PresetError("{0} must be a number above 0", where)
+    raise PresetError("{0} must be a number between {1:g} and {2:g}", where, limit.low, limit.high)
 
 
 def read_parameters(values: Mapping[str, object], where: str, limits: Limits) -> dict[str, float]:
@@ -86,7 +86,7 @@ def degrees(radians: float) -> float:
 def read_vector(value: object, where: str, limit: Limit) -> tuple[float, float, float]:
     """Three numbers within the limit."""
     if not isinstance(value, list) or len(value) != 3:
-        raise PresetError(f"{where} must be three numbers [x, y, z]")
+        raise PresetError("{0} must be three numbers [x, y, z]", where)
     x, y, z = (read_number(item, where, limit) for item in value)
     return x, y, z
 
@@ -94,41 +94,41 @@ def read_vector(value: object, where: str, limit: Limit) -> tuple[float, float, 
 def read_range(value: object, where: str) -> tuple[float, float]:
     """Two rising numbers within [0, 1]."""
     if not isinstance(value, list) or len(value) != 2:
-        raise PresetError(f"{where} must be two numbers [start, end]")
+        raise PresetError("{0} must be two numbers [start, end]", where)
     start, end = (read_number(item, where, SHARE) for item in value)
     if not start < end:
-        raise PresetError(f"{where} must rise from its start to its end")
+        raise PresetError("{0} must rise from its start to its end", where)
     return start, end
 
 
 def read_choice(value: object, where: str, choices: tuple[str, ...]) -> str:
     """A word of the given choices."""
     if not isinstance(value, str) or value not in choices:
-        raise PresetError(f"{where} must be one of {', '.join(choices)}")
+        raise PresetError("{0} must be one of {1}", where, ", ".join(choices))
     return value
 
 
 def read_name(value: object, where: str) -> str:
     """A name: not empty, printable, short enough for Blender to keep whole."""
     if not isinstance(value, str) or not value.strip() or not value.isprintable():
-        raise PresetError(f"{where} must be a text in one line")
+        raise PresetError("{0} must be a text in one line", where)
     if len(value.encode()) > MAXIMUM_NAME_BYTES:
-        raise PresetError(f"{where} must not be longer than {MAXIMUM_NAME_BYTES} bytes")
+        raise PresetError("{0} must not be longer than {1} bytes", where, MAXIMUM_NAME_BYTES)
     return value
 
 
 def read_text(value: object, where: str) -> str:
     """Prose, perhaps empty, perhaps of several lines."""
     if not isinstance(value, str) or not value.replace("\n", "").isprintable():
-        raise PresetError(f"{where} must be a text")
+        raise PresetError("{0} must be a text", where)
     if len(value) > MAXIMUM_TEXT:
-        raise PresetError(f"{where} must not be longer than {MAXIMUM_TEXT} characters")
+        raise PresetError("{0} must not be longer than {1} characters", where, MAXIMUM_TEXT)
     return value
 
 
 def read_numbers(rows: list[list[object]], where: str, limit: Limit) -> Array:
     """Rows of equally many numbers within the limit, (N, width) float64."""
-    error = PresetError(f"{where} must be numbers between {limit.low:g} and {limit.high:g}")
+    error = PresetError("{0} must be numbers between {1:g} and {2:g}", where, limit.low, limit.high)
     if not set(map(type, chain.from_iterable(rows))) <= {int, float}:
         raise error
     try:
@@ -149,7 +149,7 @@ def read_points(
     """
     wanted = "at least 2 × 2" if exactly is None else f"{exactly[0]} × {exactly[1]}"
     form = "[x, y, z] or [x, y, z, weight]" if weighted else "[x, y, z]"
-    shape_error = PresetError(f"{where} must be {wanted} points {form}, in rows of one length")
+    shape_error = PresetError("{0} must be {1} points {2}, in rows of one length", where, wanted, form)
     if not isinstance(value, list) or set(map(type, value)) != {list}:
         raise shape_error
     points = list(chain.from_iterable(value))
@@ -164,5 +164,5 @@ def read_points(
         raise shape_error
     array = read_numbers(points, where, COORDINATE)
     if array.shape[1] == 4 and array[:, 3].min() < SMALLEST_LENGTH:
-        raise PresetError(f"{where}: every weight must be a number above 0")
+        raise PresetError("{0}: every weight must be a number above 0", where)
     return array.reshape(*size, -1)

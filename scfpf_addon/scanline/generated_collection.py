@@ -13,6 +13,7 @@ import bpy
 from ..bridge.blender.drivers import add_property, new_driver
 from ..bridge.blender.modifier_inputs import input_property
 from ..bridge.blender.scene_objects import absent_text, holds
+from ..projection.template_error import Message
 
 _SIZE = {
     "width": "render.resolution_x",
@@ -37,7 +38,7 @@ def linked_text(scene, camera, remedy: str) -> str:
         return f"The scene is linked from another file: {remedy}"
     if not camera.is_editable:
         return f"'{camera.name}' is linked from another file: make a library override of it first"
-    return absent_text(camera, scene, "choose another camera")
+    return absent_text(camera, scene, Message("choose another camera"))
 
 
 def is_complete(settings, collection, parts: Iterable) -> bool:

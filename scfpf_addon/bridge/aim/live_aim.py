@@ -19,7 +19,7 @@ from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.scene_objects import object_by_uid
 from ..blender.slot_animation import SlotError
 from ..camera.flexible_camera import control_objects
-from ..render.render_errors import RENDER_ERRORS, reason
+from ..render.render_errors import RENDER_ERRORS, told
 from ..surfaces.surface_object import SurfaceError
 from ..sync.handlers import camera_objects
 from .aimed_volume import start_of
@@ -73,7 +73,7 @@ def follow(camera, depsgraph) -> None:
         residual = _drags[uid].step(depsgraph)
     except (AimError, SurfaceError, *RENDER_ERRORS) as error:
         _drags.pop(uid, None)
-        camera.scfpf.aim.message = reason(error)
+        camera.scfpf.aim.message = told(error)
     else:
         camera.scfpf.aim.message = f"Follows within {residual:.3g} px, and is solved when nothing moves"
         _await_rest(uid)
@@ -122,7 +122,7 @@ def _told(camera):
     try:
         yield
     except (AimError, SlotError, SurfaceError, *RENDER_ERRORS) as error:
-        camera.scfpf.aim.message = reason(error)
+        camera.scfpf.aim.message = told(error)
 
 
 @persistent

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...projection.aim.view_map import ViewMap
-from ...projection.template_error import TemplateError
+from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import absent_text, is_absent
@@ -77,7 +77,7 @@ def view_map(target, depsgraph, aspect: float) -> ViewMap:
     if eye is None:
         raise AimError("The view '{0}' has no camera: choose a camera or an empty under Seen From", title)
     if is_absent(eye, depsgraph.scene):
-        raise AimError(absent_text(eye, depsgraph.scene, "choose another camera under Seen From"))
+        raise AimError(absent_text(eye, depsgraph.scene, Message("choose another camera under Seen From")))
     objects = target_objects(target)
     if not objects:
         raise AimError("The view '{0}' shows nothing: choose a collection or an object with faces", title)

@@ -10,6 +10,8 @@ import numpy as np
 
 from ...casting.aim.judge import Judgement
 from ...casting.aim.sight import free_turn, sees
+from ...projection.template_error import Message
+from ..render.render_errors import told
 from .read_problem import AimInputs
 from .target_views import AimError, title_of
 
@@ -21,12 +23,12 @@ TWICE, APART = 0.25, 0.05
 # A residual in a property is this at most.
 LARGEST = 1e9
 WORSE = {
-    "PINS": "the targets would be farther from their places than before",
-    "MIRRORED": "parts of the picture would be mirrored",
-    "FOLDED": "the volume would fold before what is seen",
-    "BACKGROUND": "the background would move too far",
+    "PINS": Message("the targets would be farther from their places than before"),
+    "MIRRORED": Message("parts of the picture would be mirrored"),
+    "FOLDED": Message("the volume would fold before what is seen"),
+    "BACKGROUND": Message("the background would move too far"),
 }
-REMEDY = (
+REMEDY = Message(
     "bring the targets nearer to where the picture shows them, widen their halos, or switch one of them off"
 )
 
@@ -50,10 +52,11 @@ def _contradiction(camera, inputs: AimInputs) -> str:
         apart = np.hypot(*(view.map.positions(points) - targets.pins.positions[:, pins]))
         twice = (apart > APART) & sees(inputs.arrays.scene, thing, view.map, points)
         if twice.mean() > TWICE:
-            names = " and ".join(f"'{title_of(listed[n])}'" for n in sorted((one, other)))
-            return (
-                f"the views {names} show the same part in two places, which one volume cannot: switch one "
-                "off, or give it a camera of its own and layer both pictures in the compositor"
+            names = [title_of(listed[number]) for number in sorted((one, other))]
+            return Message(
+                "the views '{0}' and '{1}' show the same part in two places, which one volume cannot: "
+                "switch one off, or give it a camera of its own and layer both pictures in the compositor",
+                *names,
             )
     return ""
 
@@ -93,43 +96,57 @@ def _store_target(target, number: int, inputs: AimInputs, found: Judgement, own)
 def _target_text(target) -> str:
     """Report in a sentence or two whether a target is met and seen."""
     worst = target.residual_max
-    met = f"Met within {worst:.2g} px" if worst <= MET else f"Up to {_pixels(worst)} from its place"
+    met = (
+        Message("Met within {0:.2g} px", worst)
+        if worst <= MET
+        else Message("Up to {0} from its place", _pixels(worst))
+    )
     if not target.hidden_by:
-        return met
-    part = "hidden" if target.hidden >= 1.0 else f"hidden to {target.hidden:.0%}".replace("%", " %")
+        return told(met)
+    part = Message("hidden by {0}", target.hidden_by)
+    if target.hidden < 1.0:
+        part = Message("hidden to {0:.0f} % by {1}", 100.0 * target.hidden, target.hidden_by)
     left, up = target.free_turn
-    way = f": nearest free direction {_direction(left, up)}" if left or up else ""
-    return f"{met}, {part} by {target.hidden_by}{way}"
+    text = f"{told(met)}, {told(part)}"
+    if left or up:
+        return told(Message("{0}: nearest free direction {1}", text, _direction(left, up)))
+    return text
 
 
 def _pixels(value: float) -> str:
-    return f"{value:.3g} px" if value < 1e5 else "very far"
+    return f"{value:.3g} px" if value < 1e5 else Message("very far")
 
 
 def _direction(left: float, up: float) -> str:
     """A turn in words."""
     parts = []
-    for angle, ways in ((left, ("to the left", "to the right")), (up, ("up", "down"))):
+    for angle, way in (
+        (left, Message("{0}° to the right") if left < 0 else Message("{0}° to the left")),
+        (up, Message("{0}° down") if up < 0 else Message("{0}° up")),
+    ):
         degrees = round(math.degrees(abs(angle)))
         if degrees:
-            parts.append(f"{degrees}° {ways[angle < 0]}")
-    return " and ".join(parts)
+            parts.append(Message(way, degrees))
+    return Message("{0} and {1}", *parts) if len(parts) == 2 else "".join(map(told, parts))
 
 
 def _summary(camera, inputs: AimInputs, found: Judgement) -> str:
     """The result in one line: the points that are met, the background, and what is wrong."""
     met, count = int((found.pixels <= MET).sum()), len(found.pixels)
-    parts = [f"{met} of {count} points within {MET} px"]
+    parts = [Message("{0} of {1} points within {2} px", met, count, MET)]
     hidden = [title_of(target) for target in camera.scfpf.aim_targets if target.hidden_by]
     if hidden:
-        parts.append(f"partly hidden: {', '.join(hidden)}")
+        parts.append(Message("partly hidden: {0}", ", ".join(hidden)))
     if len(found.moved):
-        parts.append(f"background moved {found.background_median:.1f} px")
-    for share, what in ((found.mirrored, "mirrored"), (found.folded, "folded")):
-        if share > 0.0:
-            parts.append(f"{100 * share:.2g} % {what}")
+        parts.append(Message("background moved {0:.1f} px", found.background_median))
+    if found.mirrored > 0.0:
+        parts.append(Message("{0:.2g} % mirrored", 100 * found.mirrored))
+    if found.folded > 0.0:
+        parts.append(Message("{0:.2g} % folded", 100 * found.folded))
     if met < count and (contradiction := _contradiction(camera, inputs)):
         parts.append(contradiction)
     if inputs.error > UNSEEN:
-        parts.append(f"the start differs by up to {_pixels(inputs.error)}: use more control points")
-    return " · ".join(parts)
+        parts.append(
+            Message("the start differs by up to {0}: use more control points", _pixels(inputs.error))
+        )
+    return " · ".join(map(told, parts))

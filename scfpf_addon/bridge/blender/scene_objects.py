@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import bpy
 
+from ...projection.template_error import Message
+
 # Blender's way to put objects of one scene into another one.
 LINK_MENU = "Object > Link/Transfer Data > Link Objects to Scene"
 
@@ -49,10 +51,12 @@ def missing_text(obj) -> str:
     if obj is None or not obj.is_missing:
         return ""
     linked = obj.override_library.reference if obj.override_library else obj
-    path = linked.library.filepath if linked and linked.library else "another file"
-    return (
-        f"'{obj.name}' is missing from '{path}': put that file back and open this one again, or choose its "
-        "new place in the Outliner (Blender File, right-click the library, Relocate)"
+    path = linked.library.filepath if linked and linked.library else Message("another file")
+    return Message(
+        "'{0}' is missing from '{1}': put that file back and open this one again, or choose its "
+        "new place in the Outliner (Blender File, right-click the library, Relocate)",
+        obj.name,
+        path,
     )
 
 
@@ -61,8 +65,8 @@ def absence(obj, scene) -> str:
     if holds(scene.objects, obj):
         return ""
     if not obj.users_collection:
-        return "deleted"
-    return "in another scene" if obj.users_scene else "in no scene"
+        return Message("deleted")
+    return Message("in another scene") if obj.users_scene else Message("in no scene")
 
 
 def absent_text(obj, scene, otherwise: str, camera=None) -> str:
@@ -74,22 +78,36 @@ def absent_text(obj, scene, otherwise: str, camera=None) -> str:
     where = absence(obj, scene)
     if not where:
         return ""
+    otherwise, link = Message(otherwise), Message(LINK_MENU)
     if where == "deleted":
-        return f"'{obj.name}' was deleted: undo that with Ctrl-Z, or {otherwise}"
+        return Message("'{0}' was deleted: undo that with Ctrl-Z, or {1}", obj.name, otherwise)
     if where == "in no scene":
-        return (
-            f"'{obj.name}' is in no scene: drag its collection '{obj.users_collection[0].name}' into "
-            f"'{scene.name}' in the Outliner (Display Mode > Blender File), or {otherwise}"
+        return Message(
+            "'{0}' is in no scene: drag its collection '{1}' into '{2}' in the Outliner "
+            "(Display Mode > Blender File), or {3}",
+            obj.name,
+            obj.users_collection[0].name,
+            scene.name,
+            otherwise,
         )
     home = obj.users_scene[0].name
     if camera is not None and not holds(scene.objects, camera):
-        return (
-            f"'{obj.name}' and its camera '{camera.name}' are in the scene '{home}', not in '{scene.name}': "
-            f"go to that scene, or link both to this one with {LINK_MENU}"
+        return Message(
+            "'{0}' and its camera '{1}' are in the scene '{2}', not in '{3}': go to that scene, or link both "
+            "to this one with {4}",
+            obj.name,
+            camera.name,
+            home,
+            scene.name,
+            link,
         )
-    return (
-        f"'{obj.name}' is in the scene '{home}', not in '{scene.name}': link it to this one with "
-        f"{LINK_MENU}, or {otherwise}"
+    return Message(
+        "'{0}' is in the scene '{1}', not in '{2}': link it to this one with {3}, or {4}",
+        obj.name,
+        home,
+        scene.name,
+        link,
+        otherwise,
     )
 
 

@@ -22,6 +22,7 @@ from ...projection.editing.seam_mesh import SeamMesh
 from ...projection.editing.volume_edits import lattice
 from ...projection.surfaces.uv_chart import UVChart
 from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.template_error import Message
 from ...projection.typing import Array
 from ...projection.volume.reparameterisation import Polar
 from ..blender.scene_objects import link_beside
@@ -104,7 +105,7 @@ def unbaked(camera) -> str:
     """The warning about keyframes of a blend's map that pictures do not follow; empty without any."""
     if not blend_surfaces(camera) or not is_map_animated(camera) or is_baked(camera):
         return ""
-    return f"Pictures do not follow the keyframes of the map of '{camera.name}': press Bake Map"
+    return Message("Pictures do not follow the keyframes of the map of '{0}': press Bake Map", camera.name)
 
 
 def blend_surfaces(camera) -> list:

@@ -35,7 +35,7 @@ def preset_of(camera, depsgraph, aspect: float, name: str, description: str = ""
     try:
         surfaces = _surfaces(camera, depsgraph, projection.transformed(inward), inward)
     except EditingError as error:
-        raise PresetError(f"The volume cannot be saved: {error}") from error
+        raise PresetError("The volume cannot be saved: {0}", error) from error
     preset = Preset(
         name=name.strip(),
         description=description.strip(),

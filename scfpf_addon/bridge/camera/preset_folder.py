@@ -32,7 +32,7 @@ def own_folder(create: bool = False) -> pathlib.Path:
     try:
         return pathlib.Path(bpy.utils.extension_path_user(PACKAGE, path=FOLDER_NAME, create=create))
     except (OSError, ValueError) as error:
-        raise PresetError(f"There is no folder for presets: {error}") from error
+        raise PresetError("There is no folder for presets: {0}", error) from error
 
 
 def own_files() -> list[pathlib.Path]:
@@ -48,7 +48,7 @@ def own_file(stem: str) -> pathlib.Path:
     """The file of an own preset by its stem. Raises PresetError if it does not exist."""
     found = next((path for path in own_files() if path.stem == stem), None)
     if found is None:
-        raise PresetError(f"There is no preset '{stem}' of your own: choose another one")
+        raise PresetError("There is no preset '{0}' of your own: choose another one", stem)
     return found
 
 
@@ -65,7 +65,9 @@ def store_own(preset: Preset, replace: bool) -> pathlib.Path:
     """
     path, is_taken = _own_place(preset.name)
     if is_taken and not replace:
-        raise PresetError(f"You have a preset '{preset.name}' already: choose another name, or tick Replace")
+        raise PresetError(
+            "You have a preset '{0}' already: choose another name, or tick Replace", preset.name
+        )
     write_preset(preset, path)
     return path
 
@@ -107,7 +109,7 @@ def _write(data: bytes, path: pathlib.Path) -> None:
         with replacing(path) as part:
             part.write_bytes(data)
     except OSError as error:
-        raise PresetError(f"Cannot write {path}: {error.strerror or error}") from error
+        raise PresetError("Cannot write {0}: {1}", path, error.strerror or error) from error
 
 
 def thumbnail_file(stem: str) -> tuple[pathlib.Path, int] | None:
@@ -130,4 +132,4 @@ def remove_own(stem: str) -> None:
         path.with_suffix(".png").unlink(missing_ok=True)
         path.unlink()
     except OSError as error:
-        raise PresetError(f"Cannot remove {path}: {error.strerror or error}") from error
+        raise PresetError("Cannot remove {0}: {1}", path, error.strerror or error) from error

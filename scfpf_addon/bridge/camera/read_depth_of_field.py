@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...projection.template_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.scene.depth_of_field import Aperture, DepthOfField, lens_of
 from .stereo_views import Eye, eye_place
@@ -15,9 +16,9 @@ SMALLEST_F_STOP = 1e-5
 NEAREST_FOCUS = 1e-5
 MILLIMETRE = 1e-3
 
-NOT_DEFINED = (
-    "Depth of field is not defined for the volume of '{}', whose projectors are bent or do not come from one "
-    "point: all is sharp. Switch it off in the camera's properties, or use a perspective volume"
+NOT_DEFINED = Message(
+    "Depth of field is not defined for the volume of '{0}', whose projectors are bent or do not come from "
+    "one point: all is sharp. Switch it off in the camera's properties, or use a perspective volume"
 )
 
 
@@ -41,7 +42,7 @@ def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple
     )
     lens = lens_of(projection, aperture, axes)
     if lens is None:
-        return None, NOT_DEFINED.format(camera.name)
+        return None, Message(NOT_DEFINED, camera.name)
     target = settings.focus_object
     if target is not None:
         place = np.array(target.evaluated_get(depsgraph).matrix_world.translation, np.float64)

@@ -13,7 +13,7 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
-from ...projection.template_error import TemplateError
+from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
@@ -206,7 +206,7 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     if lost := missing_text(surface):
         raise ProjectionError("Control surface {0}", lost)
     if is_absent(surface, depsgraph.scene):
-        lost = absent_text(surface, depsgraph.scene, "remove it from the list with -", camera)
+        lost = absent_text(surface, depsgraph.scene, Message("remove it from the list with -"), camera)
         raise ProjectionError("Control surface {0}", lost)
     if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
         raise ProjectionError(

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...projection.template_error import TemplateError
+from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
 from ..blender.rig_mark import camera_behind
 from .ordinary_camera import placement
@@ -73,9 +73,9 @@ def eye_place(camera, eye: Eye) -> Array:
 def unseen_settings(camera, eye: Eye) -> str:
     """Return a warning about an ignored stereo setting of an evaluated camera, "" without one."""
     if eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES:
-        return (
-            f"Spherical stereo of '{camera.name}' is left out: choose Parallel for a volume that looks "
-            "all around"
+        return Message(
+            "Spherical stereo of '{0}' is left out: choose Parallel for a volume that looks all around",
+            camera.name,
         )
     return ""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...casting.common.geometry import Geometry
 from ...projection.mappings.stack import seen_through
+from ...projection.template_error import Message
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 from ..blender.image_masks import mask_pixels
@@ -21,11 +22,11 @@ from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.
 MOST_LAYERS = 64
-NOT_HERE = "The nodes preview does not show layers: {}"
-NOT_BY_F12 = "F12 by Cycles does not show layers: press Render Layers with Cycles"
-SHARP = "Depth of field is left out in layers: only the rest of the picture is blurred"
-TWICE = "In the layers '{}' and '{}', of which the first alone shows them: {}"
-EMPTY = "Layers that show nothing, as renders show none of their objects: "
+NOT_HERE = Message("The nodes preview does not show layers: {0}")
+NOT_BY_F12 = Message("F12 by Cycles does not show layers: press Render Layers with Cycles")
+SHARP = Message("Depth of field is left out in layers: only the rest of the picture is blurred")
+TWICE = Message("In the layers '{0}' and '{1}', of which the first alone shows them: {2}")
+EMPTY = Message("Layers that show nothing, as renders show none of their objects: ")
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class ReadLayers:
         shown = set() if numbers is None else set(np.unique(numbers).tolist())
         shown |= self.taken  # of which other warnings tell
         empty = [name for number, name in enumerate(self.names, 1) if number not in shown]
-        more = [EMPTY + listing(empty)] if empty else []
+        more = [Message("{0}{1}", EMPTY, listing(empty))] if empty else []
         return (*self.warnings, *more, *([SHARP] if is_blurred else []))
 
 
@@ -72,8 +73,8 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
             continue
         lack = lacking(own)
         if lack or len(layers) == MOST_LAYERS:
-            reason = lack or f"an image has at most {MOST_LAYERS} layers"
-            warnings.append(f"Layer '{own.name}' is left out: {reason}")
+            reason = lack or Message("an image has at most {0} layers", MOST_LAYERS)
+            warnings.append(Message("Layer '{0}' is left out: {1}", own.name, reason))
             continue
         frame = Framed(*map(tuple, (state.position, state.size)))
         try:
@@ -83,9 +84,11 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         mask = None if own.mask is None else mask_pixels(own.mask)
         if mask is None and own.mask is not None:
             warnings.append(
-                f"The mask of layer '{own.name}' has no pixels, so it hides nothing: paint or load it"
+                Message(
+                    "The mask of layer '{0}' has no pixels, so it hides nothing: paint or load it", own.name
+                )
             )
-        layers.append(ImageLayer(projection, state.front, place, mask, state.halo))
+        layers.append(ImageLayer(projection, state.front, place, mask, state.halo, state.feather))
         names.append(own.name)
         shown.append((own.camera.session_uid, frame))
         collections.append(own.collection)
@@ -106,15 +109,15 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
 def lacking(layer) -> str:
     """What a layer lacks to be shown, and what to do; empty if it is complete."""
     if layer.collection is None:
-        return "it has no collection: choose one"
+        return Message("it has no collection: choose one")
     if layer.camera is None:
-        return "it has no camera: choose one under Seen By"
+        return Message("it has no camera: choose one under Seen By")
     return ""
 
 
 def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> Projection:
     """The projection of a layer's camera in a frame of the image. Raises ProjectionError or FrustumError."""
-    if lost := absent_text(camera, depsgraph.scene, "choose another camera under Seen By"):
+    if lost := absent_text(camera, depsgraph.scene, Message("choose another camera under Seen By")):
         raise ProjectionError(lost)
     evaluated = camera.evaluated_get(depsgraph)
     own_aspect = aspect * frame.size[0] / frame.size[1]
@@ -141,7 +144,7 @@ def _members(names, collections) -> tuple[dict[int, int], list[str]]:
             if first != number:
                 shared.setdefault((first, number), []).append(obj.name)
     return members, [
-        TWICE.format(names[first - 1], names[second - 1], listing(objects))
+        Message(TWICE, names[first - 1], names[second - 1], listing(objects))
         for (first, second), objects in shared.items()
     ]
 
@@ -156,4 +159,4 @@ def shown_layers(camera) -> list[str]:
 def not_here(camera) -> str:
     """The sentence for the nodes preview, which does not show layers; empty if the camera has none."""
     names = shown_layers(camera)
-    return NOT_HERE.format(listing(names)) if names else ""
+    return Message(NOT_HERE, listing(names)) if names else ""

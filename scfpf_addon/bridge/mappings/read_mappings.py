@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.mappings.kinds import KINDS, ImageMapping, changed, simple_mapping
+from ...projection.template_error import Message
 from ...projection.volume.reparameterisation import Reparameterisation
 from ..blender.mesh_grid import SurfaceError, grid_points
 from ..blender.scene_objects import absent_text, is_absent
@@ -141,7 +142,9 @@ def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
             "The image mapping '{0}' has no grid: choose a mesh for it, or remove it", mapping.name
         )
     if is_absent(grid, depsgraph.scene):
-        lost = absent_text(grid, depsgraph.scene, "choose another mesh for the image mapping", camera)
+        lost = absent_text(
+            grid, depsgraph.scene, Message("choose another mesh for the image mapping"), camera
+        )
         raise MappingError("The grid {0}", lost)
     if not is_evaluated(camera, grid, depsgraph):
         raise MappingError(

@@ -13,7 +13,7 @@ import bpy
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
 from .render_delivery import Delivery
-from .render_errors import RenderError, failure_message
+from .render_errors import RenderError, failure_message, told
 from .render_inputs import RenderInputs, read_inputs, with_motion
 from .render_passes import layer_warnings, list_render_passes
 from .render_viewport import ViewportRender, stop_all
@@ -113,7 +113,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         # Warnings about a scene that was read in part would be wrong.
         for warning in () if cancelled() else warnings:
             if warning not in said:
-                self.report({"WARNING"}, warning)
+                self.report({"WARNING"}, told(warning))
         said.update(warnings)
         return with_motion(inputs, depsgraph, camera, self.frame_set, cancelled, eye)
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from ...projection.template_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.passes.cryptomatte import identifiers
 from ...shading.passes.data_passes import DataPasses
@@ -52,7 +53,7 @@ def ready_size(scene, camera) -> tuple[int, int]:
     They keep hidden surfaces evaluated, and may have been deleted. Raises RenderError.
     """
     size = image_size(scene)
-    if lost := absent_text(camera, scene, "choose another camera"):
+    if lost := absent_text(camera, scene, Message("choose another camera")):
         raise RenderError(lost)
     for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
         if each is not None and each.scfpf.enabled and each.is_editable:
@@ -75,7 +76,9 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     inputs = with_render_depsgraph(scene, view_layer, read, with_time=True)
     if not scene.render.use_multiview:
         return inputs
-    warning = f"This is one view, that of '{camera.name}': press F12 with SCFPF for all views of the scene"
+    warning = Message(
+        "This is one view, that of '{0}': press F12 with SCFPF for all views of the scene", camera.name
+    )
     return replace(inputs, scene=replace(inputs.scene, warnings=(*inputs.scene.warnings, warning)))
 
 

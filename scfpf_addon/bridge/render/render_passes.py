@@ -9,6 +9,7 @@ from typing import NamedTuple
 import bpy
 from bpy.props import BoolProperty, PointerProperty
 
+from ...projection.template_error import Message
 from ...shading.passes.cryptomatte import CRYPTO_PASS, MOST_LAYERS, manifest, name_hash
 from ...shading.passes.light_passes import LIGHT_PASSES
 from ..blender import versions
@@ -90,10 +91,10 @@ MADE_SWITCHES = {each.property for each in PASS_SWITCHES} | {
     "use_pass_combined",
     *(f"use_pass_cryptomatte_{kind}" for kind in ("object", "material", "accurate")),
 }
-ABSENT = "Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): "
-FREESTYLE = (
-    "Freestyle draws its lines as an ordinary camera sees them, not along the projectors: "
-    "use Drawn Style instead of it"
+ABSENT = Message("Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): ")
+FREESTYLE = Message(
+    "Freestyle draws its lines as an ordinary camera sees them, not along the projectors: use Drawn Style "
+    "instead of it"
 )
 
 
@@ -131,7 +132,7 @@ def layer_warnings(render, view_layer, flexible: bool) -> Iterator[str]:
             if is_switch and not is_made and getattr(owner, each.identifier):
                 names.append(each.name)
     if names:
-        yield ABSENT + listing(names, most=8)
+        yield Message("{0}{1}", ABSENT, listing(names, most=8))
     if flexible and render.use_freestyle and view_layer.use_freestyle:
         yield FREESTYLE
 
@@ -155,7 +156,7 @@ def transparency_warning(scene, passes: tuple[str, ...]) -> str:
     if not clear or all(name in LIGHT_PASSES for name in passes):
         return ""
     names = listing([scene.material_names[number] for number in clear])
-    return f"Data passes treat transparent objects as opaque: {names}"
+    return Message("Data passes treat transparent objects as opaque: {0}", names)
 
 
 def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
@@ -193,8 +194,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
 
     use_pass_diffuse: _switch(
         "Diffuse",
-        "Light scattered by surfaces, with their color: from lights and the world. Diffuse, "
-        "Specular, Emission and Environment add up to the picture",
+        "Light scattered by surfaces, with their color: from lights and the world; with Specular, "
+        "Emission and Environment it adds up to the picture",
     )
     use_pass_specular: _switch(
         "Specular",
@@ -202,8 +203,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_shadow_catcher: _switch(
         "Shadow Catcher",
-        "Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it and "
-        "put the picture over that. The picture itself then has no shadows on catchers",
+        "Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it and put the "
+        "picture, which then has no shadows on catchers, over that",
     )
     use_pass_parameters: _switch(
         "Projector Parameters",
@@ -211,8 +212,8 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_perspective_depth: _switch(
         "Perspective Depth",
-        "Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: "
-        "finer than t near the camera. It equals t where projectors are parallel",
+        "Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: finer than "
+        "t near the camera, and equal to it where projectors are parallel",
     )
     use_pass_tangent: _switch(
         "Projector Tangent",

@@ -23,7 +23,7 @@ from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..layers.read_image_layers import read_image_layers
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
-from .render_errors import RENDER_ERRORS, reason
+from .render_errors import RENDER_ERRORS, told
 from .render_inputs import RenderInputs, frame_settings, read_inputs
 from .view_painter import Commission, Painting, Rectangle, ViewPainter
 
@@ -90,7 +90,7 @@ class ViewportRender:
                 self._scene, self._members = with_images(scene, known=self._images), members
             commission = read_commission(context, depsgraph, self._scene)
         except RENDER_ERRORS as error:
-            self._message = reason(error)
+            self._message = told(error)
             return
         self._message = ""
         if commission is None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from ...projection.template_error import Message
 from ...shading.scene.shading_scene import LightPaths
 from ..blender import versions
 
@@ -36,16 +37,18 @@ def unshown_settings(scene) -> tuple[str, ...]:
         return ()
     render = scene.render
     names = {
-        "Clamping of Direct Light": cycles.sample_clamp_direct > 0.0,
-        "Clamping of Indirect Light": 0.0 < cycles.sample_clamp_indirect < USUAL_CLAMP,
-        "Transparent Glass": cycles.film_transparent_glass and render.film_transparent,
-        "Rolling Shutter": render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
-        "Culling of Simplify": render.use_simplify and _culls(scene),
-        "Textures of Simplify": render.use_simplify and _shrinks_textures(cycles),
-        "Fast GI that is added": cycles.use_fast_gi and cycles.fast_gi_method == "ADD",
+        Message("Clamping of Direct Light"): cycles.sample_clamp_direct > 0.0,
+        Message("Clamping of Indirect Light"): 0.0 < cycles.sample_clamp_indirect < USUAL_CLAMP,
+        Message("Transparent Glass"): cycles.film_transparent_glass and render.film_transparent,
+        Message("Rolling Shutter"): render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
+        Message("Culling of Simplify"): render.use_simplify and _culls(scene),
+        Message("Textures of Simplify"): render.use_simplify and _shrinks_textures(cycles),
+        Message("Fast GI that is added"): cycles.use_fast_gi and cycles.fast_gi_method == "ADD",
     }
     return tuple(
-        f"Not shown as it is: {name} (in the scene's settings for Cycles)" for name, on in names.items() if on
+        Message("Not shown as it is: {0} (in the scene's settings for Cycles)", name)
+        for name, on in names.items()
+        if on
     )
 
 

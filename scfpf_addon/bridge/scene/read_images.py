@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...casting.scene.culling import within_projection
 from ...projection.colors import srgb_from_linear
+from ...projection.template_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.nodes.image import ImageData
 from ...shading.scene.shading_scene import Scene
@@ -22,8 +23,8 @@ from .read_world import shows_world
 
 # Colour spaces of scene-linear values or data; all other images of bytes are read as sRGB.
 LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
-MISSING = "Missing images, shown in magenta: "
-CUT_OFF = "Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: "
+MISSING = Message("Missing images, shown in magenta: ")
+CUT_OFF = Message("Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: ")
 
 Pixels = NDArray[np.float32]
 # Images read before, by name, each with its state.
@@ -88,17 +89,19 @@ def read_images(
             for text in _oddities(image, data):
                 trouble.setdefault(text, []).append(name)
     trouble.setdefault(MISSING, []).extend(sorted(wanted))
-    return found, tuple(text + listing(sorted(which)) for text, which in trouble.items() if which)
+    return found, tuple(
+        Message("{0}{1}", text, listing(sorted(which))) for text, which in trouble.items() if which
+    )
 
 
 def _oddities(image, data: ImageData) -> Iterable[str]:
     if image.source == "TILED":
-        yield "Only the first tile is shown of: "
+        yield Message("Only the first tile is shown of: ")
     elif image.source in {"SEQUENCE", "MOVIE"}:
-        yield "Shown as the frame that Blender has loaded: "
+        yield Message("Shown as the frame that Blender has loaded: ")
     space = image.colorspace_settings.name
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
-        yield f"The color space {space} is read as sRGB: "
+        yield Message("The color space {0} is read as sRGB: ", space)
     if image.alpha_mode == "PREMUL" and not image.is_float and _has_alpha(image) and _is_file(image):
         # Blender divides by alpha when it loads them. A color as bright as alpha may have been brighter.
         color, alpha = data.pixels[:, :, :3], data.pixels[:, :, 3:].astype(np.uint16)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...projection.template_error import Message
 from ...projection.typing import Array
 from ...shading.materials.constants import Materials
 from ...shading.nodes.graph import MaterialGraph
@@ -93,9 +94,14 @@ class MaterialTable:
 
     def warnings(self) -> tuple[str, ...]:
         """Warnings about parts of the materials that images do not show."""
-        lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
+        lines = [
+            Message("Not shown as it is: {0} (in {1})", Message(note), listing(names))
+            for note, names in self._notes.items()
+        ]
         if self._odd:
-            lines.append(f"Shown in viewport colors, as they have no surface: {listing(self._odd)}")
+            lines.append(
+                Message("Shown in viewport colors, as they have no surface: {0}", listing(self._odd))
+            )
         return tuple(lines)
 
 
@@ -109,8 +115,8 @@ def _unshown(tree) -> Iterator[str]:
 
 def listing(names: list[str], most: int = 3) -> str:
     """A list such as 'A, B, C and 4 more'."""
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
+    shown = ", ".join(names[:most])
+    return Message("{0} and {1} more", shown, len(names) - most) if len(names) > most else shown
 
 
 def read_material(material) -> tuple[MaterialConstants, bool]:

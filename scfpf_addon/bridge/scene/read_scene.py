@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...casting.common.ray_visibility import CAMERA, EVERYWHERE
+from ...projection.template_error import Message
 from ...projection.typing import Array
 from ...shading.scene.shading_scene import Light, Scene
 from . import read_lights
@@ -35,12 +36,12 @@ NO_SURFACES = (
     "The view layer leaves out all surfaces: switch Surfaces on in View Layer Properties, Filter and Override"
 )
 # Warnings that names follow, in the order in which they are shown.
-BAD_PLACE = "Left out, as their transforms are not finite: "
-BAD_SHAPE = "Faces left out, as their vertices are not finite: "
-NO_FACES = "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "
-BEHIND_GLASS = "Lamps are seen in mirrors, but not through glass: "
-VERTEX_GROUPS = "Vertex groups are 0 in materials unless they are stored as attributes: "
-NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
+BAD_PLACE = Message("Left out, as their transforms are not finite: ")
+BAD_SHAPE = Message("Faces left out, as their vertices are not finite: ")
+NO_FACES = Message("Not shown, as they have no faces (hair, points, volumes, Grease Pencil): ")
+BEHIND_GLASS = Message("Lamps are seen in mirrors, but not through glass: ")
+VERTEX_GROUPS = Message("Vertex groups are 0 in materials unless they are stored as attributes: ")
+NOTHING = Message("There is nothing to render: add an object with faces that is visible in renders")
 
 
 def never() -> bool:
@@ -83,7 +84,7 @@ def read_scene(
         world_color = np.zeros(3)
         world_warnings = (
             *world_warnings,
-            "The world's light is left out, as it is not finite: check the world's nodes",
+            Message("The world's light is left out, as it is not finite: check the world's nodes"),
         )
     made = Scene(
         geometry=geometry,
@@ -260,6 +261,9 @@ class _SceneReader:
         """One line for each reason why objects could not be shown."""
         if not self.materials.refracts:
             self._lost[BEHIND_GLASS].clear()
-        lines = [text + listing(list(names)) for text, names in self._lost.items() if names]
-        lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._notes.items()]
+        lines = [Message("{0}{1}", text, listing(list(names))) for text, names in self._lost.items() if names]
+        lines += [
+            Message("Not shown as it is: {0} (in {1})", Message(note), listing(list(n)))
+            for note, n in self._notes.items()
+        ]
         return tuple(lines)

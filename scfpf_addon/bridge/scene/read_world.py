@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...projection.template_error import Message
 from ...projection.typing import Array
 from ...shading.nodes.graph import MaterialGraph
 from ...shading.scene.shading_scene import Scene
@@ -17,12 +18,12 @@ from ..blender.shader_nodes import output_shaders
 from .light_paths import ends_early
 from .read_graph import read_graph
 
-DARK = (
-    "Nothing lights the scene, as glowing materials light no other objects here: add a light or a world, "
-    "or use Cycles through the rig of the Cycles panel"
+DARK = Message(
+    "Nothing lights the scene, as glowing materials light no other objects here: add a light or a world, or "
+    "use Cycles through the rig of the Cycles panel"
 )
 
-EVEN = (
+EVEN = Message(
     "The world is one color, whose light has no shadows here: switch on World Shadows in the panel Sampling "
     "of Render Properties, or use Cycles through the rig of the Cycles panel"
 )
@@ -92,7 +93,7 @@ def _unshown(world, scene) -> tuple[str, ...]:
 
 
 def _warning(note: str, world) -> str:
-    return f"Not shown as it is: {note} (in the world '{world.name}')"
+    return Message("Not shown as it is: {0} (in the world '{1}')", Message(note), world.name)
 
 
 def light_warnings(scene: Scene) -> tuple[str, ...]:

@@ -47,13 +47,14 @@ class SCFPF_AimTarget(bpy.types.PropertyGroup):
     )
     eye: pointer(
         "Seen From",
-        "The camera or empty from which the view shows its collection. An empty looks along its own -Z axis",
+        "The camera or empty from which the view shows its collection, an empty along its own -Z axis",
         bpy.types.Object,
         poll=_may_be_eye,
     )
     handle: pointer(
         "Handle",
-        "The empty at the point that the pin holds. Its -Z axis is the direction in which the point is seen",
+        "The empty at the point that the pin holds, with its -Z axis in the direction in which the point "
+        "is seen",
         bpy.types.Object,
         poll=_is_empty,
     )

@@ -69,8 +69,8 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
     )
     border: number(
         "Border",
-        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam. Around views it "
-        "lies outside",
+        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam, and around "
+        "views it lies outside",
         0.2,
         0.0,
         4.0,

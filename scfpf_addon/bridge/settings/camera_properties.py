@@ -154,13 +154,13 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
 
     first: pointer(
         "From",
-        "The flexible camera at Blend 0. Press Update Blend after choosing another one",
+        "The flexible camera at Blend 0: press Update Blend after choosing another one",
         bpy.types.Object,
         poll=_may_be_end,
     )
     second: pointer(
         "To",
-        "The flexible camera at Blend 1, instead of a preset. Press Update Blend after choosing another one",
+        "The flexible camera at Blend 1, instead of a preset: press Update Blend after choosing another one",
         bpy.types.Object,
         poll=_may_be_end,
     )
@@ -172,7 +172,7 @@ class SCFPF_BlendFurther(bpy.types.PropertyGroup):
 
     camera: pointer(
         "Further Camera",
-        "A further flexible camera of the blend. Press Update Blend after choosing another one",
+        "A further flexible camera of the blend: press Update Blend after choosing another one",
         bpy.types.Object,
         poll=_may_be_end,
     )

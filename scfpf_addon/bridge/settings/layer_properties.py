@@ -81,6 +81,14 @@ class SCFPF_ImageLayer(bpy.types.PropertyGroup):
         soft_max=10.0,
         subtype="DISTANCE",
     )
+    feather: number(
+        "Feather",
+        "Outer part of the halo in which it fades into the rest of the picture",
+        0.0,
+        0.0,
+        1.0,
+        subtype="FACTOR",
+    )
     color: vector(
         "Color",
         "Color of the layer in the picture of Check Layers",

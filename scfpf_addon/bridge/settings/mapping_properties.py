@@ -159,14 +159,14 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     image: pointer(
         "Image",
-        "The ST map: red and green are the horizontal and vertical position to look up, from "
-        "0 to 1. Where alpha is 0 the picture is empty",
+        "The ST map: red and green are the horizontal and vertical position to look up, from 0 to 1, and "
+        "where alpha is 0 the picture is empty",
         bpy.types.Image,
     )
     grid: pointer(
         "Grid",
-        "A mesh whose UV map is a regular grid over the picture. X and Y of its vertices, "
-        "from 0 to 1, are the positions to look up there",
+        "A mesh whose UV map is a regular grid over the picture, and whose vertices have the positions to "
+        "look up there as X and Y, from 0 to 1",
         bpy.types.Object,
         poll=_may_be_grid,
         update=_grid_changed,

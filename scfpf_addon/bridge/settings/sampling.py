@@ -34,7 +34,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     pattern: choice(
         "Pattern",
-        "Placement of the samples of neighboring pixels. Adaptive Sampling always scrambles them",
+        "Placement of the samples of neighboring pixels, which Adaptive Sampling always scrambles",
         items=(
             ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
             ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
@@ -57,7 +57,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     adaptive_least: integer(
         "Min Samples",
-        "Samples that every pixel gets. Details that all of them miss are lost",
+        "Samples that every pixel gets: details that all of them miss are lost",
         8,
         2,
         1024,
@@ -65,8 +65,8 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     motion_steps: integer(
         "Motion Steps",
-        "Number of times at which the scene is read while the shutter is open. If anything "
-        "moves, each is kept in memory",
+        "Number of times at which the scene is read while the shutter is open: if anything moves, each is "
+        "kept in memory",
         8,
         2,
         256,
@@ -74,8 +74,8 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     world_shadows: switch(
         "World Shadows",
-        "Let the light of a world of one color cast shadows, as skies do, and as in Cycles. Images take half "
-        "as long again. Off, it lights everything alike",
+        "Let the light of a world of one color cast shadows, as skies do, and as in Cycles, for half as "
+        "much time again, instead of lighting everything alike",
     )
 
 

@@ -38,7 +38,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     """Settings of Drawn Style in the SCFPF engine and the Render button; only Combined follows them."""
 
     use_drawn: switch(
-        "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
+        "Drawn Style", "Draw the picture: lines, flat shades and paper; other passes stay as they are", False
     )
     use_lines: switch("Lines", "Draw lines where surfaces end, bend or change", True)
     use_silhouette: switch("Silhouettes", "Edges in front of other surfaces or of the background", True)
@@ -79,8 +79,8 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     depth_jump: number(
         "Depth Jump",
-        "Least distance between two surfaces for a silhouette, in widths of a pixel there. Steep surfaces"
-        " alone have none",
+        "Least distance between two surfaces for a silhouette, in widths of a pixel there: steep surfaces "
+        "alone have none",
         2.0,
         0.0,
         1000.0,
@@ -164,14 +164,15 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     use_paper: switch(
         "Paper",
-        "Show paper where nothing is hit, also beyond the rim of round pictures. A transparent film has none",
+        "Show paper where nothing is hit, also beyond the rim of round pictures, but not with a "
+        "transparent film",
         True,
     )
     paper_color: color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
     detail: integer(
         "Detail",
-        "Places along each side of a pixel at which lines are searched: more find finer "
-        "lines. Each place takes about as long as a sample",
+        "Places along each side of a pixel at which lines are searched: more find finer lines, and each "
+        "takes about as long as a sample",
         2,
         1,
         4,

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray, IndexArray
 
 
-class CastError(ValueError):
+class CastError(TemplateError):
     """Casting is impossible; the message says what to do."""
 
 

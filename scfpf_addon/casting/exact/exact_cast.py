@@ -141,9 +141,9 @@ def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts:
     """As cast_exact, if all projectors together need too many chords: halves need fewer."""
     if batch.count <= FEWEST:
         raise CastError(
-            f"exact casting would need more than {MOST_CERTAIN:,} chords a projector, so much larger "
-            "than the scene is the viewing volume: set the pixel error above 0, "
-            "or bring the control surfaces nearer"
+            "exact casting would need more than {0:,} chords a projector, so much larger than the scene is "
+            "the viewing volume: set the pixel error above 0, or bring the control surfaces nearer",
+            MOST_CERTAIN,
         )
     hits = Hits.empty(batch.count)
     for part in np.array_split(np.arange(batch.count), 2):

@@ -69,14 +69,14 @@ def cover(layer: ImageLayer, size: tuple[int, int], window: tuple[int, int, int,
     return total / COVER_SIDE**2
 
 
-def halo_share(is_seen: BoolArray, is_near: BoolArray) -> Array:
+def halo_share(is_seen: BoolArray, nearness: Array) -> Array:
     """The share (H, W) of what is beside and before a layer's things in each pixel that its halo shows.
 
-    is_seen: (S, H, W), whether the surroundings of the things are seen at S places of each pixel. is_near:
-    (S, H, W), whether those in the halo are. A pixel in which no place sees them has its neighbours' share,
-    as the filter of a render reaches into those.
+    is_seen: (S, H, W), whether the surroundings of the things are seen at S places of each pixel. nearness:
+    (S, H, W), the halo's share of each of these, 0 where none is seen. A pixel in which no place sees them
+    has its neighbours' share, as the filter of a render reaches into those.
     """
-    seen, near = is_seen.sum(axis=0).astype(np.float64), is_near.sum(axis=0).astype(np.float64)
+    seen, near = is_seen.sum(axis=0).astype(np.float64), nearness.sum(axis=0).astype(np.float64)
     is_alone = seen == 0.0
     seen, near = (np.where(is_alone, _of_neighbours(each), each) for each in (seen, near))
     share: Array = np.divide(near, seen, out=np.zeros_like(near), where=seen > 0.0)

@@ -103,15 +103,17 @@ class LayeredCast:
     ) -> None:
         """Follow the projectors of a layer, in place, past hits of layer 0 that are beyond the halo.
 
-        hits: (n,) of the projectors ``which`` (n,) of a tile through the layer's scene.
+        hits: (n,) of the projectors ``which`` (n,) of a tile through the layer's scene. In a feather each
+        projector meets or passes the surroundings, by chance, as often as the halo's share says.
         """
-        part, halo = self.parts.parts[number - 1], self.projection.layers[number - 1].halo
+        part, layer = self.parts.parts[number - 1], self.projection.layers[number - 1]
         if not part or not part.has_surroundings:
             return
-        beyond = np.arange(len(which))
+        beyond, chance = np.arange(len(which)), _chances(tile.x[which], tile.y[which])
         for _ in range(MOST_PASSED):
             there, around = hits.triangle[beyond], hits.position[:, beyond]
-            is_beyond = (self.parts.numbers.take(there) != number) & (part.box.distance(around) > halo)
+            share = layer.halo_share(part.box.distance(around))
+            is_beyond = (self.parts.numbers.take(there) != number) & (share <= chance[beyond])
             beyond = beyond[is_beyond & (there >= 0)]
             if not len(beyond):
                 return
@@ -124,6 +126,20 @@ class LayeredCast:
         part = self.parts.parts[number - 1] if number else None
         middle = part.box.middle if part else None
         return layer_keys(self.projection.layers, number, hits.position, hits.triangle >= 0, middle)
+
+
+def _chances(x: Array, y: Array) -> Array:
+    """Numbers (N,) in [0, 1) that image positions (N,) decide, and that look random.
+
+    The mixing of bits is that of SplitMix64 (Steele et al., "Fast Splittable Pseudorandom Number Generators",
+    2014).
+    """
+    bits = x.astype(np.float64).view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    bits ^= y.astype(np.float64).view(np.uint64)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
+    chances: Array = ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return chances
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any
 
+from ...projection.template_error import Message
 from ..common.hits import CastError
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
-REMEDY = "install SCFPF again from the zip for this system, which brings embreex {} or later"
+REMEDY = "install SCFPF again from the zip for this system, which brings embreex {0} or later"
 
 # File names of compiled modules and libraries: Linux, macOS, Windows.
 LIBRARY = re.compile(r"\.(so|dylib|pyd|dll)(\.|$)")
@@ -25,22 +26,22 @@ def load_embreex() -> tuple[Any, Any]:
 
     Raises CastError if embreex is missing, damaged, too old or cannot be loaded.
     """
-    remedy = REMEDY.format(".".join(map(str, EMBREEX_MINIMUM)))
+    remedy = Message(REMEDY, ".".join(map(str, EMBREEX_MINIMUM)))
     if "embreex" not in sys.modules and (damage := truncated_library("embreex")):
-        raise CastError(f"the ray caster embreex is damaged ({damage}): {remedy}")
+        raise CastError("the ray caster embreex is damaged ({0}): {1}", damage, remedy)
     try:
         from embreex import mesh_construction, rtcore_scene
 
         found = version("embreex")
     except ModuleNotFoundError as error:
-        raise CastError(f"the ray caster embreex is missing ({error}): {remedy}") from error
+        raise CastError("the ray caster embreex is missing ({0}): {1}", error, remedy) from error
     except ImportError as error:
-        raise CastError(f"the ray caster embreex cannot be loaded ({error}): {remedy}") from error
+        raise CastError("the ray caster embreex cannot be loaded ({0}): {1}", error, remedy) from error
     if not found:
         # Blender removes the wheel when the extension is disabled, perhaps during a render.
-        raise CastError(f"the ray caster embreex is missing (it is being removed): {remedy}")
+        raise CastError("the ray caster embreex is missing (it is being removed): {0}", remedy)
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"the ray caster embreex {found} is too old: {remedy}")
+        raise CastError("the ray caster embreex {0} is too old: {1}", found, remedy)
     return rtcore_scene, mesh_construction
 
 

@@ -123,9 +123,11 @@ def require_room_for_prisms(triangles: int) -> None:
     short = shortage(BYTES_PER_TRIANGLE * triangles)
     if short:
         raise CastError(
-            f"exact casting needs {short[0]} of memory for {triangles:,} triangles, "
-            f"{short[1]} are free: set the pixel error above 0, "
-            "or hide what the picture does not show"
+            "exact casting needs {0} of memory for {1:,} triangles, {2} are free: set the pixel error above "
+            "0, or hide what the picture does not show",
+            short[0],
+            triangles,
+            short[1],
         )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ...casting.curves.chord_rules import SHIFT, graded, half_cosine, running_total
 from ...casting.curves.sampled_curves import Curves, across, blend, curves_through
 from ...projection.mappings.stack import is_disc
+from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.viewing_volume import Projection
@@ -90,7 +91,7 @@ def rendering_cost(chords: float) -> float:
     return 1.0 + COST_RIG + COST_CHORD * chords
 
 
-class PlanError(ValueError):
+class PlanError(TemplateError):
     """The volume has no finite projector; the message says what to do."""
 
 

@@ -13,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.template_error import TemplateError
+
 MAGIC, MULTIPART = 20000630, 0x1000
 FLOAT32 = 2
 # Bytes of a channel's entry after its name.
 CHANNEL_BYTES = 16
 
 
-class PassesError(ValueError):
+class PassesError(TemplateError):
     """A file does not hold passes as Blender writes them; the message says why."""
 
 
@@ -42,7 +44,7 @@ def read_passes(path: str, name: str) -> NDArray[np.float32]:
     data = np.fromfile(path, np.uint8)
     raw = data.tobytes() if len(data) < 8 else bytes(data[:8])
     if len(raw) < 8 or struct.unpack("<i", raw[:4])[0] != MAGIC:
-        raise PassesError(f"'{path}' is not an OpenEXR file")
+        raise PassesError("'{0}' is not an OpenEXR file", path)
     is_multipart = bool(struct.unpack("<i", raw[4:8])[0] & MULTIPART)
     parts, at = _headers(data, is_multipart)
     rows = sum(part.bottom - part.top + 1 for part in parts)
@@ -54,7 +56,7 @@ def read_passes(path: str, name: str) -> NDArray[np.float32]:
         stride = line + 8 + 4 * is_multipart
         lines = data[at : at + height * stride]
         if len(lines) != height * stride:
-            raise PassesError(f"'{path}' is incomplete, part {number + 1}")
+            raise PassesError("'{0}' is incomplete, part {1}", path, number + 1)
         lines = lines.reshape(height, stride)[:, stride - line :]
         values = np.ascontiguousarray(lines).view("<f4").reshape(height, len(part.channels), width)
         for channel, title in enumerate(part.channels):
@@ -71,7 +73,7 @@ def _pass(path: str, rows_of: dict[str, NDArray[np.float32]], name: str) -> NDAr
         ]
         if all(each is not None for each in found):
             return np.stack([each for each in found if each is not None], axis=-1)
-    raise PassesError(f"'{path}' has no pass {name}")
+    raise PassesError("'{0}' has no pass {1}", path, name)
 
 
 def _headers(data: NDArray[np.uint8], is_multipart: bool) -> tuple[list[_Part], int]:

@@ -90,8 +90,8 @@ class LayeredRender:
             self._passing.show((0, number), read.beyond(number), held_out=number)
             place, is_seen = yield from self._places(name, window, read)
             distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
-            is_near = is_seen & (distance <= layer.halo)
-            share = halo_share(is_seen, is_near)
+            nearness = is_seen * layer.halo_share(distance)
+            share, is_near = halo_share(is_seen, nearness), nearness > 0.0
             if keys is not None:
                 keys = np.where(is_near, self._keys(read, number, place, is_near), keys)
             if (part := within(share > 0.0, window)) is not None:

@@ -111,13 +111,13 @@ def changed(mapping: Reparameterisation, influence: float, backwards: bool) -> R
 def read_mappings(data: object) -> tuple[ImageMapping, ...]:
     """The mappings of a preset file. Raises PresetError for anything else."""
     if not isinstance(data, list) or len(data) > MAXIMUM_MAPPINGS:
-        raise PresetError(f"mappings must be a list of at most {MAXIMUM_MAPPINGS} mappings")
+        raise PresetError("mappings must be a list of at most {0} mappings", MAXIMUM_MAPPINGS)
     return tuple(_read(item, f"mapping {number}") for number, item in enumerate(data, 1))
 
 
 def _read(data: object, where: str) -> ImageMapping:
     if not isinstance(data, dict) or "kind" not in data:
-        raise PresetError(f"{where} must be an object with a kind")
+        raise PresetError("{0} must be an object with a kind", where)
     kind = read_choice(data["kind"], f"{where}: kind", tuple(KINDS))
     limits = KINDS[kind]
     required = [name for name in limits if name not in _DEFAULTS]
@@ -128,7 +128,7 @@ def _read(data: object, where: str) -> ImageMapping:
     )
     backwards = values.get("backwards", False)
     if not isinstance(backwards, bool):
-        raise PresetError(f"{where}: backwards must be true or false")
+        raise PresetError("{0}: backwards must be true or false", where)
     points = _points(values["points"], kind, f"{where}: points") if kind in _WITH_POINTS else None
     read = ImageMapping(
         name=read_name(values["name"], f"{where}: name"),
@@ -141,7 +141,7 @@ def _read(data: object, where: str) -> ImageMapping:
     try:
         read.mapping()
     except ValueError as error:
-        raise PresetError(f"{where}: {error}") from error
+        raise PresetError("{0}: {1}", where, error) from error
     return read
 
 
@@ -149,18 +149,18 @@ def _points(value: object, kind: str, where: str) -> Array:
     if kind == "RADIAL_CURVE":
         return _pairs(value, where, MOST_CURVE_POINTS, _RADII)
     if not isinstance(value, list) or not 2 <= len(value) <= MOST_GRID_POINTS:
-        raise PresetError(f"{where} must be 2 to {MOST_GRID_POINTS} rows of points [x, y]")
+        raise PresetError("{0} must be 2 to {1} rows of points [x, y]", where, MOST_GRID_POINTS)
     rows = [_pairs(row, where, MOST_GRID_POINTS, PLACE) for row in value]
     if len(set(map(len, rows))) != 1:
-        raise PresetError(f"{where} must be in rows of one length")
+        raise PresetError("{0} must be in rows of one length", where)
     return np.stack(rows)
 
 
 def _pairs(value: object, where: str, most: int, limit: Limit) -> Array:
     if not isinstance(value, list) or not 2 <= len(value) <= most:
-        raise PresetError(f"{where} must be 2 to {most} pairs of numbers")
+        raise PresetError("{0} must be 2 to {1} pairs of numbers", where, most)
     if any(not isinstance(pair, list) or len(pair) != 2 for pair in value):
-        raise PresetError(f"{where} must be pairs of numbers")
+        raise PresetError("{0} must be pairs of numbers", where)
     return read_numbers(value, where, limit)
 
 

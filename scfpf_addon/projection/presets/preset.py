@@ -160,7 +160,7 @@ class Preset:
         the image's shape. NONE changes nothing but ``aspect``.
         """
         if not (np.isfinite(aspect) and aspect > 0):
-            raise PresetError(f"an image needs a width and a height above 0, not the aspect {aspect}")
+            raise PresetError("an image needs a width and a height above 0, not the aspect {0}", aspect)
         surfaces, ranges = self.surfaces, (self.u_range, self.v_range)
         if self.fit == "WIDTH":
             surfaces = tuple(s.stretched(0, aspect / self.aspect) for s in surfaces)
@@ -194,14 +194,14 @@ def read_preset(path: Path) -> Preset:
     try:
         data = read_bytes(path)
     except OSError as error:
-        raise PresetError(f"cannot read {path.name}: {error.strerror or error}") from error
+        raise PresetError("cannot read {0}: {1}", path.name, error.strerror or error) from error
     try:
         check_size(len(data))
         return load_preset(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise PresetError(f"{path.name}: not a text file in UTF-8") from error
+        raise PresetError("{0}: not a text file in UTF-8", path.name) from error
     except PresetError as error:
-        raise PresetError(f"{path.name}: {error}") from error
+        raise PresetError("{0}: {1}", path.name, error) from error
 
 
 def load_preset(text: str) -> Preset:
@@ -264,7 +264,9 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
     axes = linear / scale
     if np.abs(axes.T @ axes - np.eye(3)).max() > SHEAR_TOLERANCE:
         raise PresetError(
-            f"surface {number} {surface.name!r} is sheared; apply its transform to its shape before saving"
+            "surface {0} {1!r} is sheared; apply its transform to its shape before saving",
+            number,
+            surface.name,
         )
     if np.linalg.det(axes) < 0:
         # One mirrored axis; which one is a free choice, the rotation follows it.
@@ -288,10 +290,10 @@ def _preset(data: object, start: float) -> Preset:
     settings = ("basis", "reparameterisation", "u_range", "v_range", "aspect", "fit", "surfaces")
     values = read_object(data, "the preset", (*about, *settings), ("subject", "group", "mappings"))
     if type(values["format"]) is not int or values["format"] != FORMAT:
-        raise PresetError(f"format must be {FORMAT}, the only one that this version of SCFPF reads")
+        raise PresetError("format must be {0}, the only one that this version of SCFPF reads", FORMAT)
     items = values["surfaces"]
     if not isinstance(items, list) or not 2 <= len(items) <= MAXIMUM_SURFACES:
-        raise PresetError(f"surfaces must be a list of 2 to {MAXIMUM_SURFACES} surfaces")
+        raise PresetError("surfaces must be a list of 2 to {0} surfaces", MAXIMUM_SURFACES)
     return Preset(
         name=read_name(values["name"], "name"),
         description=read_text(values["description"], "description"),
@@ -332,10 +334,10 @@ def _surfaces(items: list[object], start: float) -> tuple[PresetSurface, ...]:
 def _surface(data: object, number: int) -> PresetSurface:
     where = f"surface {number}"
     if not isinstance(data, dict):
-        raise PresetError(f"{where} must be an object")
+        raise PresetError("{0} must be an object", where)
     for key in ("name", "kind"):
         if key not in data:
-            raise PresetError(f"{where} needs {key}")
+            raise PresetError("{0} needs {1}", where, key)
     name = read_name(data["name"], f"{where}: name")
     where = f"{where} {name!r}"
     kind = FILE_KINDS[read_choice(data["kind"], f"{where}: kind", tuple(FILE_KINDS))]
@@ -349,7 +351,7 @@ def _surface(data: object, number: int) -> PresetSurface:
     elif kind.net is not None:
         points = read_points(values["points"], f"{where}: points", *kind.net)
     if problem := kind.problem(parameters, points):
-        raise PresetError(f"{where}: {problem}")
+        raise PresetError("{0}: {1}", where, problem)
     return PresetSurface(
         name=name,
         kind=kind.key,
@@ -366,7 +368,7 @@ def _matrix(values: dict[str, object], where: str) -> Array:
     angles = read_vector(values.get("rotation_degrees", [0, 0, 0]), f"{where}: rotation_degrees", _ANGLE)
     scale = read_vector(values.get("scale", [1, 1, 1]), f"{where}: scale", COORDINATE)
     if min(map(abs, scale)) < SMALLEST_LENGTH:
-        raise PresetError(f"{where}: scale must not be 0 along any axis")
+        raise PresetError("{0}: scale must not be 0 along any axis", where)
     matrix = np.eye(4)
     matrix[:3, :3] = euler_matrix(np.radians(angles)) * np.array(scale)
     matrix[:3, 3] = location

@@ -22,15 +22,15 @@ def read_mesh(values: dict[str, object], where: str) -> tuple[Array, UVChart]:
     points = _rows(values["points"], f"{where}: points", 3, COORDINATE)
     uv = _rows(values["uv"], f"{where}: uv", 2, _UV)
     if len(uv) != len(points):
-        raise PresetError(f"{where}: uv must be as many as the points, {len(points)}, not {len(uv)}")
+        raise PresetError("{0}: uv must be as many as the points, {1}, not {2}", where, len(points), len(uv))
     last = len(points) - 1
     corners = _rows(values["triangles"], f"{where}: triangles", 3, Limit(0, last))
     triangles: IndexArray = corners.astype(np.int64)
     if (triangles != corners).any():
-        raise PresetError(f"{where}: triangles must be whole numbers from 0 to {last}")
+        raise PresetError("{0}: triangles must be whole numbers from 0 to {1}", where, last)
     chart = UVChart(uv[triangles], triangles)
     if not chart.used.any():
-        raise PresetError(f"{where}: no triangle has an area in the UV square from 0 to 1")
+        raise PresetError("{0}: no triangle has an area in the UV square from 0 to 1", where)
     _check_work(triangles, chart, where)
     return points, chart
 
@@ -40,13 +40,14 @@ def _check_work(triangles: IndexArray, chart: UVChart, where: str) -> None:
     most = int(np.bincount(triangles.ravel()).max())
     if most > MAXIMUM_AT_VERTEX:
         raise PresetError(
-            f"{where}: {most} triangles meet at one point, at most {MAXIMUM_AT_VERTEX} are allowed"
+            "{0}: {1} triangles meet at one point, at most {2} are allowed", where, most, MAXIMUM_AT_VERTEX
         )
     # The mean first: of triangles that lie on one another in great numbers no bins are made.
     if chart.mean_overlaps > MAXIMUM_OVERLAPS or chart.most_overlaps > MAXIMUM_OVERLAPS:
         raise PresetError(
-            f"{where}: too many triangles overlap in the UV square, at most {MAXIMUM_OVERLAPS} may "
-            "lie in one place"
+            "{0}: too many triangles overlap in the UV square, at most {1} may lie in one place",
+            where,
+            MAXIMUM_OVERLAPS,
         )
 
 
@@ -64,7 +65,7 @@ def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
 
 def _rows(value: object, where: str, width: int, limit: Limit) -> Array:
     """Rows of ``width`` numbers each within the limit, (N, width) float64."""
-    form = PresetError(f"{where} must be a list of rows of {width} numbers")
+    form = PresetError("{0} must be a list of rows of {1} numbers", where, width)
     if not isinstance(value, list) or not value or set(map(type, value)) != {list}:
         raise form
     check_numbers(width * len(value))

@@ -186,7 +186,8 @@ class ImageLayer:
     projection: of the same image. front: see ``LayerFront``. eye: (3,) the point from which depth is measured
     for layer and rest alike. mask: (H, W) from the bottom up, over the whole image: the layer is shown where
     it is at least one half; None for everywhere. halo: distance around the layer's things within which the
-    layer shows the things of layer 0, too.
+    layer shows the things of layer 0, too. feather: the outer share of the halo, in [0, 1], in which these
+    fade out.
     """
 
     projection: Projection
@@ -194,6 +195,7 @@ class ImageLayer:
     eye: Array
     mask: Array | None = None
     halo: float = 0.0
+    feather: float = 0.0
 
     def transformed(self, matrix: Array) -> ImageLayer:
         """The layer moved by an affine (4, 4) matrix that scales evenly."""
@@ -204,6 +206,14 @@ class ImageLayer:
             eye=matrix[:3, :3] @ self.eye + matrix[:3, 3],
             halo=self.halo * scale,
         )
+
+    def halo_share(self, distance: Array) -> Array:
+        """The shares, in [0, 1], of its surroundings that the layer shows at distances from its things."""
+        if not self.feather:
+            return (distance <= self.halo).astype(np.float64)
+        left = np.clip((self.halo - distance) / (self.halo * self.feather), 0.0, 1.0)
+        share: Array = left * left * (3.0 - 2.0 * left)
+        return share
 
     def shown_at(self, x: Array, y: Array) -> BoolArray:
         """Whether the mask shows the layer at image positions (n,) in [0, 1], (n,)."""

@@ -34,6 +34,18 @@ def test_properties_of_operators_are_told_in_one_sentence():
     assert long <= {"surface_to_patch.columns", "surface_to_patch.rows"}
 
 
+def test_settings_are_told_in_one_sentence():
+    groups = [cls for cls in bpy.types.PropertyGroup.__subclasses__() if cls.__name__.startswith("SCFPF_")]
+    told = {
+        f"{cls.__name__}.{prop.identifier}": prop.description
+        for cls in groups
+        for prop in cls.bl_rna.properties
+        if prop.identifier not in {"rna_type", "name"}
+    }
+    assert len(told) > 200
+    assert not {name: text for name, text in told.items() if not text or SENTENCE.search(text)}
+
+
 def test_operators_are_told_in_one_sentence():
     operators = [getattr(bpy.ops.scfpf, name) for name in dir(bpy.ops.scfpf)]
     told = {one.idname_py(): one.get_rna_type().description for one in operators}

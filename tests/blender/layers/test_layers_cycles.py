@@ -241,6 +241,11 @@ def test_a_halo_shows_the_ground_around_as_the_layers_camera_does(scene):
     masked = layered()
     np.testing.assert_array_equal(masked[:, WIDTH // 2 :], rest[:, WIDTH // 2 :])
     np.testing.assert_allclose(masked[:, : WIDTH // 2], image[:, : WIDTH // 2], atol=1e-6)
+    layer.mask, layer.feather = None, 1.0
+    left = np.clip(1.0 - away, 0.0, 1.0)[..., None]
+    faded = rest + (color - rest) * left**2 * (3.0 - 2.0 * left)
+    # One place tells the distance here, nine there.
+    assert np.abs(layered() - faded)[ground & (own == 0)].max() < 0.05
 
 
 def test_shadows_of_a_layers_things_fall_on_the_rest(scene):

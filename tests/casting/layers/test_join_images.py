@@ -51,8 +51,8 @@ def test_a_frame_and_a_mask_cover_shares_of_pixels():
 
 
 def test_a_halo_shows_its_part_of_what_is_beside_the_things():
-    is_seen, is_near = np.zeros((4, 5, 5), bool), np.zeros((4, 5, 5), bool)
-    is_seen[:2, :, 3:], is_near[:1, :, 3:] = True, True
-    share = halo_share(is_seen, is_near)
+    is_seen, nearness = np.zeros((4, 5, 5), bool), np.zeros((4, 5, 5))
+    is_seen[:2, :, 3:], nearness[0, :, 3:], nearness[1, :, 3:] = True, 0.75, 0.25
+    share = halo_share(is_seen, nearness)
     # Beside the border of what is seen the share is that of the neighbours.
     np.testing.assert_array_equal(share[2], [0.0, 0.0, 0.5, 0.5, 0.5])

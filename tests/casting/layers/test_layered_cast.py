@@ -180,6 +180,36 @@ def test_layers_cost_rays_only_where_their_things_may_be_seen(seed):
     assert counts.projectors == 10_000 and counts.rays <= 1.3 * 10_000
 
 
+def test_a_feather_shows_the_ground_as_often_as_its_distance_says():
+    matrix = np.diag([1.0, -1.0, -1.0, 1.0])
+    high, low = (matrix + np.eye(4)[:, 2:3] * z * np.eye(4)[3] for z in (5.0, -1.0))
+    base = Projection(ViewingVolume(tuple(Plane(matrix=each, width=8, height=8) for each in (high, low))))
+    thing = np.array([[-4, -9, 1.0], [0, -9, 1.0], [0, 9, 1.0], [-4, 9, 1.0]])
+    ground = np.array([[-9, -9, 0.0], [9, -9, 0.0], [9, 9, 0.0], [-9, 9, 0.0]])
+    vertices, quad = np.concatenate([thing, ground]), np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    triangles, numbers = np.concatenate([quad, quad + 4]), np.array([1, 1, 0, 0], np.uint8)
+    scene = CastScene(vertices, triangles)
+    layer = ImageLayer(base, "ORDER", np.zeros(3), halo=2.5, feather=0.6)
+    projection = replace(base, layers=(layer,)).transformed(scene.matrix)
+    made = LayeredCast(
+        parts=LayerParts.of(numbers, scene, projection.layers),
+        projection=projection,
+        pixel_size=(0.005, 0.005),
+        pixel_error=0.1,
+    )
+    x, y = pixel_centres(200, 200, (0, 200))
+    _hits, shown = made.first_hits(x, y, CastCounts(), 200)
+    # The ground is 1 below the thing's box, whose side is at x = 0; columns are 0.04 apart.
+    distance = np.hypot((np.arange(100) + 0.5) * 0.04, 1.0)
+    left = np.clip((2.5 - distance) / (0.6 * 2.5), 0.0, 1.0)
+    share = left**2 * (3.0 - 2.0 * left)
+    found = shown.reshape(200, 200)[:, 100:].mean(axis=0)
+    # Four standard deviations of 200 throws of a coin, and of means over ten columns.
+    assert np.abs(found - share).max() < 4 * np.sqrt(0.25 / 200)
+    assert np.abs((found - share).reshape(10, 10).mean(axis=1)).max() < 4 * np.sqrt(0.25 / 2000)
+    assert (found[share == 0.0] == 0.0).all() and (shown.reshape(200, 200)[:, :100] == 1).all()
+
+
 def test_a_mask_shows_a_layer_in_part():
     _projection, _corners, _numbers, layered = random_case(1)
     mask = np.zeros((2, 2))
