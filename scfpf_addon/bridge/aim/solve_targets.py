@@ -62,10 +62,11 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     return Solution(inputs, found.result, found.judgement, old)
 
 
-def judge_of(inputs: AimInputs, columns: int = COLUMNS) -> Judge:
-    """The judge of the solutions of a camera's targets."""
+def judge_of(inputs: AimInputs, columns: int | None = None) -> Judge:
+    """The judge of the solutions of a camera's targets. columns: of the image that is judged, if not COLUMNS."""
     scene, targets = inputs.arrays.scene, inputs.targets
-    return Judge(scene, inputs.before, targets.pins, targets.halos, targets.wanted, inputs.width, columns)
+    size = inputs.width, columns or COLUMNS
+    return Judge(scene, inputs.before, targets.pins, targets.halos, targets.wanted, *size)
 
 
 def judged(inputs: AimInputs, judge: Judge, after: Projection, released: Released | None = None) -> Judgement:

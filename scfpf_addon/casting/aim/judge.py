@@ -80,9 +80,14 @@ class Judgement:
         return self._distances == 0.0 and self.is_clean
 
     @property
+    def unclean(self) -> float:
+        """The share of the pixels that is mirrored or has a fold before its hit, whichever is larger."""
+        return max(self.mirrored, self.folded)
+
+    @property
     def is_clean(self) -> bool:
         """Return whether nothing that is seen is mirrored or behind a fold."""
-        return self.mirrored == 0.0 and self.folded == 0.0
+        return self.unclean == 0.0
 
     @property
     def misses_pins(self) -> bool:

@@ -18,8 +18,9 @@ from .judge import Judgement
 FIRST, STILL, LOOSE = Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(stay=0.5)
 # From a solved volume, the way of detours round what hides pins.
 FREEING = Schedule(stages=4, final_steps=40)
-# Stays force folds if more than this share of the pixels is folded or mirrored.
-FORCED = 0.005
+# Stays force folds if more than this share of the pixels is folded or mirrored; beyond a larger one, folds are
+# not the last ones, and are not mended.
+FORCED, MENDABLE = 0.005, 0.03
 
 
 class Round(NamedTuple):
@@ -77,7 +78,7 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     if not finite:
         return None
     best = min(finite, key=rounds.rank)
-    if not best.judgement.is_clean:
+    if 0.0 < best.judgement.unclean <= MENDABLE:
         # Where stays of their weight force folds, they yield.
         for way in dict.fromkeys([best.schedule, FIRST]):
             mended = rounds.solve(replace(problem, solved=best.result), judged, way.mending())
@@ -105,7 +106,7 @@ def _other_ways(first: Judgement) -> list[Schedule]:
     """The ways that better what the first one missed, in turn."""
     if first.misses_pins:
         return [LOOSE, STILL]
-    if max(first.mirrored, first.folded) > FORCED:
+    if first.unclean > FORCED:
         return [LOOSE]
     return [STILL] if first.misses_background else []
 

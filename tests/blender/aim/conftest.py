@@ -11,6 +11,12 @@ import pytest
 sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "support"))
 
 
+@pytest.fixture(autouse=True)
+def small_judge(addon, monkeypatch):
+    """A small image to judge by: these tests are about Blender, not about the judge."""
+    monkeypatch.setattr(addon("bridge.aim.solve_targets"), "COLUMNS", 64)
+
+
 @pytest.fixture
 def places(addon, reading):
     """The image positions in pixels, (N, 2), at which a flexible camera shows world points (N, 3)."""

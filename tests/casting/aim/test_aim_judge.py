@@ -9,7 +9,7 @@ import pytest
 from benchmarks.aim.cases import WIDTH, figure, random_setting, room, view_setting
 from scfpf_addon.casting.aim.aim_scene import hit_finder
 from scfpf_addon.casting.aim.views import sample_view
-from scfpf_addon.projection.aim.problem import AimPins
+from scfpf_addon.projection.aim.problem import AimPins, Schedule
 from scfpf_addon.projection.aim.solver import solve
 from scfpf_addon.projection.volume.viewing_volume import ViewingVolume
 
@@ -59,6 +59,18 @@ def test_a_turned_chair_meets_the_bars(solved):
     assert (found.pixels <= 0.5).mean() >= 0.95 and found.pixels.max() <= 1.5
     assert found.mirrored == 0.0 and found.folded == 0.0 and found.seen.all()
     assert found.background_median <= 2.0 and found.background_most <= 25.0
+
+
+def test_a_fold_is_mended(solved):
+    case, result, _ = solved
+    # A control point of an inner surface, drawn over its neighbour before a wall.
+    inner = result.patches[2].points.copy()
+    inner[5, 2, :3] += 6.0 * (inner[5, 3] - inner[5, 2])[:3]
+    patches = (*result.patches[:2], replace(result.patches[2], points=inner), *result.patches[3:])
+    folded = replace(result, patches=patches)
+    assert case.judged_result(folded).folded > 0.01
+    mended = case.judged_result(solve(replace(case.problem, solved=folded), schedule=Schedule().mending()))
+    assert mended.is_clean and mended.pixels.max() <= 1.5
 
 
 def test_the_judge_agrees_with_chords_of_the_projectors(place, solved):
