@@ -70,7 +70,7 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     first = rounds.solve(problem, judged, FIRST)
     found = [first]
     if first is None or not rounds.is_good(first):
-        for way in [LOOSE] if first is None else _other_ways(first.judgement):
+        for way in [LOOSE] if first is None else other_ways(first.judgement):
             found.append(rounds.solve(problem, judged, way))
             if found[-1] and not found[-1].judgement.misses_pins:
                 break
@@ -78,7 +78,7 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     if not finite:
         return None
     best = min(finite, key=rounds.rank)
-    if 0.0 < best.judgement.unclean <= MENDABLE:
+    if 0.0 < best.judgement.unclean <= MENDABLE and not best.judgement.misses_pins:
         # Where stays of their weight force folds, they yield.
         for way in dict.fromkeys([best.schedule, FIRST]):
             mended = rounds.solve(replace(problem, solved=best.result), judged, way.mending())
@@ -102,7 +102,7 @@ def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResul
     return freed if sees_more and keeps else best
 
 
-def _other_ways(first: Judgement) -> list[Schedule]:
+def other_ways(first: Judgement) -> list[Schedule]:
     """The ways that better what the first one missed, in turn."""
     if first.misses_pins:
         return [LOOSE, STILL]

@@ -118,8 +118,11 @@ class Aim:
         weights, footprint = self.problem.weights, self.way.footprint
         self.pin_energy = PinEnergy(places, pins, weights, self.t, footprint, self.problem.width)
         self.pin_folds = FoldBarrier(places, self.orientation)
-        self.lines = LineEnergy(self.net, pins, self.problem.lines, self.pin_energy)
-        self.detours = DetourEnergy(self.problem.detours, self.pin_energy)
+        # Energies of nothing would only cost time.
+        lines, detours = self.problem.lines, self.problem.detours
+        has_lines, has_detours = lines.pins.shape[1] > 0, len(detours.pins) > 0
+        self.lines = [LineEnergy(self.net, pins, lines, self.pin_energy)] if has_lines else []
+        self.detours = [DetourEnergy(detours, self.pin_energy)] if has_detours else []
 
     def solve(self, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
         """Solve from the old image to the wanted one; None if cancelled.
@@ -129,7 +132,9 @@ class Aim:
         plan, warm = self.schedule, self.problem.solved is not None
         for stage in range(1, plan.stages + 1):
             share = stage / plan.stages
-            targets, self.detours.share = self.way.targets(1.0 if warm else share), share
+            targets = self.way.targets(1.0 if warm else share)
+            for detours in self.detours:
+                detours.share = share
             final = stage == plan.stages
             for step in range(plan.final_steps if final else plan.steps):
                 if is_cancelled is not None and is_cancelled():
@@ -162,7 +167,8 @@ class Aim:
         forces = self.plate.forces(self._offset(self.points))
         normal = Normal(self.net, self.plate.band.copy(), -forces.reshape(-1))
         pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
-        rows = [pin_rows, self.lines.linearise(self.points, targets), self.detours.linearise(self.points)]
+        rows = [pin_rows, *(lines.linearise(self.points, targets) for lines in self.lines)]
+        rows += [detours.linearise(self.points) for detours in self.detours]
         rows += [folds.linearise(self.points, self.fold_strength) for folds in self._barriers]
         normal.add(Rows.joined(rows))
         for stays in self.stays:
@@ -203,8 +209,9 @@ class Aim:
             stays.hide(t, wanted)
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
-        total = self.pin_energy.value(points, t, targets) + self.lines.value(points, targets)
-        total += self.detours.value(points)
+        total = self.pin_energy.value(points, t, targets)
+        total += sum(lines.value(points, targets) for lines in self.lines)
+        total += sum(detours.value(points) for detours in self.detours)
         total += sum(stays.value(points) for stays in self.stays)
         total += sum(folds.value(points, self.fold_strength) for folds in self._barriers)
         return float(total + self.plate.value(self._offset(points)))

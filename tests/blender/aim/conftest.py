@@ -12,9 +12,12 @@ sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "suppor
 
 
 @pytest.fixture(autouse=True)
-def small_judge(addon, monkeypatch):
-    """A small image to judge by: these tests are about Blender, not about the judge."""
+def quick_solves(addon, monkeypatch):
+    """One way of solving, judged by a small image: these tests are about Blender, not about the rounds."""
     monkeypatch.setattr(addon("bridge.aim.solve_targets"), "COLUMNS", 64)
+    rounds = addon("casting.aim.rounds")
+    monkeypatch.setattr(rounds, "other_ways", lambda first: [])
+    monkeypatch.setattr(rounds, "MENDABLE", 0.0)
 
 
 @pytest.fixture

@@ -65,8 +65,9 @@ def test_a_clean_one_wins_over_one_that_folds(chosen):
     assert chosen([far, folded, judgement(moved=4.0)]) == (3, ways[:3])
     assert chosen([far, folded, folded, judgement(moved=16.0)]) == (1, ways)
     assert chosen([far, folded, folded, judgement(moved=4.0)]) == (4, ways)
-    # A fold and missed pins are two faults.
-    assert chosen([judgement(pixels=2.0), judgement(pixels=1.9, folded=0.001)] + [folded] * 9)[0] == 3
+    # A fold and missed pins are two faults; where pins are missed nothing is mended.
+    missed = [judgement(pixels=2.0), *[judgement(pixels=1.9, folded=0.001)] * 2]
+    assert chosen(missed) == (1, [rounds.FIRST, rounds.LOOSE, rounds.STILL])
 
 
 @pytest.mark.parametrize(
