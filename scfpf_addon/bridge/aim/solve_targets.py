@@ -63,7 +63,7 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
 
 
 def judge_of(inputs: AimInputs, columns: int | None = None) -> Judge:
-    """The judge of the solutions of a camera's targets. columns: of the image that is judged, if not COLUMNS."""
+    """The judge of a camera's solutions. columns: of the image that is judged, if not COLUMNS."""
     scene, targets = inputs.arrays.scene, inputs.targets
     size = inputs.width, columns or COLUMNS
     return Judge(scene, inputs.before, targets.pins, targets.halos, targets.wanted, *size)

@@ -129,9 +129,8 @@ def a_frame_is_dragged(driver):
 
 def shown_at(driver, camera, point):
     """The pixels of the window, from the frame's corner, at which the camera's volume shows a world point."""
-    depsgraph, size = bpy.context.evaluated_depsgraph_get(), np.subtract(
-        place_in_frame(driver, 1.0, 1.0), place_in_frame(driver, 0.0, 0.0)
-    )
+    size = np.subtract(place_in_frame(driver, 1.0, 1.0), place_in_frame(driver, 0.0, 0.0))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
     projection = module("bridge.camera.read_projection").read_projection(camera, depsgraph, 2.0)
     found = module("projection.volume.inverse").find_in_image(projection, np.array(point)[:, None])
     assert found.found.all()
@@ -139,7 +138,7 @@ def shown_at(driver, camera, point):
 
 
 def a_drag_keeps_up(driver):
-    """The car's frame is dragged by 10 pixels an event: when it is handled, its lamps are where the mouse is."""
+    """The car's frame is dragged by 10 pixels an event: as it is handled, the lamps are where the mouse is."""
     camera = yield from prepare(driver)
     with driver.override():
         assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
