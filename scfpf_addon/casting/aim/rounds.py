@@ -18,7 +18,7 @@ from .judge import Judgement
 FIRST, STILL, LOOSE = Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(stay=0.5)
 # From a solved volume, the way of detours round what hides pins.
 FREEING = Schedule(stages=4, final_steps=40)
-# Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one, folds are
+# Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
 # too many to be mended.
 FORCED, MENDABLE = 0.005, 0.03
 

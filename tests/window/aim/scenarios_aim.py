@@ -138,7 +138,7 @@ def shown_at(driver, camera, point):
 
 
 def a_drag_keeps_up(driver):
-    """The car's frame is dragged by 10 pixels an event: as it is handled, the lamps are where the mouse is."""
+    """The frame is dragged by 10 pixels an event: as each is handled, the lamps are where the mouse is."""
     camera = yield from prepare(driver)
     with driver.override():
         assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
