@@ -87,7 +87,7 @@ def test_a_pin_and_a_straight_line_are_solved(scene, reading):
     first, second = (target.handle.name for target in camera.scfpf.aim_targets)
     bpy.ops.scfpf.aim_line_add(camera=camera.name, first=first, second=second)
     assert solve(camera) == {"FINISHED"}, camera.scfpf.aim.message
-    # The projectors at their places meet them within 1.5 pixels. Where a point is hidden, another one may, too.
+    # The projectors at their places meet them within 1.5 pixels. A hidden point may be on another one, too.
     projection = reading.read_projection(camera, bpy.context.evaluated_depsgraph_get(), 960 / 540)
     t = np.linspace(0.0, 1.0, 40001)[:, None]
     for point, (x, y) in pins:
