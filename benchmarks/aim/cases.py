@@ -12,9 +12,9 @@ from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
 from scfpf_addon.casting.aim.aim_scene import AimScene, hit_finder
 from scfpf_addon.casting.aim.detours import free_pins
-from scfpf_addon.casting.aim.judge import Judgement, judge
+from scfpf_addon.casting.aim.judge import COLUMNS, Judge, Judgement
 from scfpf_addon.casting.aim.released import Released
-from scfpf_addon.casting.aim.rounds import Judge, Round, solve_in_rounds
+from scfpf_addon.casting.aim.rounds import JudgeResult, Round, solve_in_rounds
 from scfpf_addon.casting.aim.stays import find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -104,25 +104,23 @@ class Place:
 
 @dataclass(frozen=True)
 class Setting:
-    """A problem and what its solution is judged by."""
+    """A problem and what its solution is judged by. columns: of the image that is judged."""
 
     place: Place
     before: Projection
     problem: AimProblem
     halos: Array
+    columns: int = COLUMNS
+
+    @cached_property
+    def judge(self) -> Judge:
+        """The judge of its solutions."""
+        pins, place = self.problem.pins, self.place
+        return Judge(place.scene, self.before, pins, self.halos, self.shown, WIDTH, self.columns)
 
     def judged(self, after: Projection, released: Released | None = None) -> Judgement:
         """The judgement of a solution."""
-        return judge(
-            self.place.scene,
-            self.before,
-            after,
-            self.problem.pins,
-            self.halos,
-            self.shown,
-            WIDTH,
-            released=released,
-        )
+        return self.judge.judgement_of(after, released)
 
     @cached_property
     def old(self) -> Judgement:
@@ -137,9 +135,9 @@ class Setting:
         """The judgement of a result."""
         return self.judged(result.projection(ASPECT), released)
 
-    def freed(self, found: Round) -> tuple[AimProblem, Judge] | None:
+    def freed(self, found: Round) -> tuple[AimProblem, JudgeResult] | None:
         """The problem that frees the hidden pins of a round, and its judge."""
-        place, (result, judgement, _) = self.place, found
+        place, result, judgement = self.place, found.result, found.judgement
         freed = free_pins(place.scene, self.problem, self.shown, result, judgement)
         if freed is None:
             return None
@@ -158,8 +156,9 @@ def setting(
     alone: bool = False,
     net: tuple[int, int] = NET,
     degree: int = DEGREE,
+    columns: int = COLUMNS,
 ) -> Setting:
-    """Aim pins in a place. halo: in world units. alone: nothing stays."""
+    """Aim pins in a place. halo: in world units. alone: nothing stays. columns: see ``Setting``."""
     depth = float(np.median(place.frame[2] @ (pins.points - np.array(place.eye)[:, None])))
     start = start_volume(place.base, WIDTH, net, degree, subject=depth / place.far)
     before = projection_of(start.patches, ASPECT)
@@ -169,7 +168,7 @@ def setting(
     stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH),)
     finder = hit_finder(place.scene, wanted)
     problem = AimProblem(start.patches, WIDTH, ASPECT, pins, stays, first_hits=finder)
-    return Setting(place, before, problem, halos)
+    return Setting(place, before, problem, halos, columns)
 
 
 def view_setting(place: Place, left: float, up: float, degree: int = DEGREE) -> Setting:
@@ -178,7 +177,9 @@ def view_setting(place: Place, left: float, up: float, degree: int = DEGREE) -> 
     return setting(place, pins, HALO * place.sphere[1], degree=degree)
 
 
-def random_setting(place: Place, seed: int, degrees: float, shift: float) -> Setting:
+def random_setting(
+    place: Place, seed: int, degrees: float, shift: float, net: tuple[int, int] = NET, columns: int = COLUMNS
+) -> Setting:
     """5 to 12 pins on what the image shows, shifted and turned at random; the rest is free to follow."""
     random = np.random.default_rng(seed)
     count = int(random.integers(5, 13))
@@ -199,7 +200,7 @@ def random_setting(place: Place, seed: int, degrees: float, shift: float) -> Set
     moved = positions + random.uniform(-shift, shift, (2, count))
     depth = place.frame[2] @ (points - np.array(place.eye)[:, None])
     halo = 0.1 * float(np.median(depth)) * 2 * np.tan(ANGLE / 2)
-    return setting(place, AimPins(points, moved, directions), halo)
+    return setting(place, AimPins(points, moved, directions), halo, net=net, columns=columns)
 
 
 def _frame(forward: Array, up: Array) -> Array:

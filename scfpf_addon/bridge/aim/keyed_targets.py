@@ -20,7 +20,7 @@ from ...projection.surfaces.nurbs import NurbsPatch
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .read_problem import read_inputs
-from .solve_targets import Solution, camera_again, judged, solution_of, solving
+from .solve_targets import Solution, camera_again, judge_of, judged, solution_of, solving
 from .solve_work import Steps, Work
 from .target_views import AimError
 from .verdict import LARGEST, require_better, store_verdict
@@ -182,4 +182,4 @@ def _worst_between(uid: int, frames: list[float], solutions: list[Solution]) -> 
 
 def _judged_pixels(inputs, after, _progress) -> float:
     """The largest residual of a projection, in pixels."""
-    return float(np.minimum(judged(inputs, after, FEW_COLUMNS).pixels, LARGEST).max())
+    return float(np.minimum(judged(inputs, judge_of(inputs, FEW_COLUMNS), after).pixels, LARGEST).max())

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ...casting.aim.detours import free_pins
-from ...casting.aim.judge import COLUMNS, Judgement, judge
+from ...casting.aim.judge import COLUMNS, Judge, Judgement
 from ...casting.aim.released import Released
-from ...casting.aim.rounds import Judge, Round, solve_in_rounds
+from ...casting.aim.rounds import JudgeResult, Round, solve_in_rounds
 from ...projection.aim.problem import AimProblem, AimResult
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
@@ -36,7 +36,8 @@ class Solution:
 
 def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     """Solve and judge; arrays only. Raises AimError, Cancelled or CastError."""
-    old = judged(inputs, inputs.before)
+    judge = judge_of(inputs)
+    old = judged(inputs, judge, inputs.before)
     progress.share = JUDGED_OLD
 
     def report(share: float) -> bool:
@@ -44,11 +45,12 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
         return progress.is_set()
 
     def look(result: AimResult, released: Released | None = None) -> Judgement:
-        return judged(inputs, projection_of(result.patches, inputs.present.aspect), released=released)
+        after = projection_of(result.patches, inputs.present.aspect)
+        return judged(inputs, judge, after, released)
 
     problem = inputs.problem()
 
-    def free(found: Round) -> tuple[AimProblem, Judge] | None:
+    def free(found: Round) -> tuple[AimProblem, JudgeResult] | None:
         scene, wanted = inputs.arrays.scene, inputs.targets.wanted
         freed = free_pins(scene, problem, wanted, found.result, found.judgement)
         return freed and (freed[0], partial(look, released=freed[1]))
@@ -60,24 +62,18 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     return Solution(inputs, found.result, found.judgement, old)
 
 
-def judged(
-    inputs: AimInputs, after: Projection, columns: int = COLUMNS, released: Released | None = None
-) -> Judgement:
-    """The judgement of a projection whose parameters are those of the image. See ``judge``."""
-    targets = inputs.targets
-    found = judge(
-        inputs.arrays.scene,
-        inputs.before,
-        after,
-        targets.pins,
-        targets.halos,
-        targets.wanted,
-        inputs.width,
-        columns,
-        released,
-    )
+def judge_of(inputs: AimInputs, columns: int | None = None) -> Judge:
+    """The judge of a camera's solutions. columns: of the image that is judged, if not COLUMNS."""
+    scene, targets = inputs.arrays.scene, inputs.targets
+    size = inputs.width, columns or COLUMNS
+    return Judge(scene, inputs.before, targets.pins, targets.halos, targets.wanted, *size)
+
+
+def judged(inputs: AimInputs, judge: Judge, after: Projection, released: Released | None = None) -> Judgement:
+    """The judgement of a projection whose parameters are those of the image."""
+    found = judge.judgement_of(after, released)
     # With a view alone the background may go anywhere.
-    return replace(found, moved=found.moved[:0]) if targets.alone else found
+    return replace(found, moved=found.moved[:0]) if inputs.targets.alone else found
 
 
 def camera_again(uid: int):

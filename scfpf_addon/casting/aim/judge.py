@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from ...projection.aim.vectors import nearest_t
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.inverse import Inverse, find_in_image, follow
 from ...projection.volume.viewing_volume import Projection, VolumeSample, determinant
+from ..common.hits import Hits
 from ..frame import pixel_centres
 from .aim_scene import AimScene
 from .released import Released
@@ -19,6 +22,8 @@ from .stays import halo_weights
 
 # Columns of the image that is judged.
 COLUMNS = 192
+# Of so many of its pixels one is looked at for the background.
+EACH = 4
 # Shares of the way to the first hit at which folds are looked for; the last is the hit.
 SHARES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
 # A hit is before a point if it is nearer by more pixels than this; a nearer one is the point's own surface.
@@ -72,13 +77,29 @@ class Judgement:
     @property
     def meets_bars(self) -> bool:
         """Return whether the pins and the background are where they shall be, and nothing folds."""
-        return self._distances == 0.0 and self.mirrored == 0.0 and self.folded == 0.0
+        return self._distances == 0.0 and self.is_clean
+
+    @property
+    def unclean(self) -> float:
+        """The share of the pixels that is mirrored or has a fold before its hit, whichever is larger."""
+        return max(self.mirrored, self.folded)
+
+    @property
+    def is_clean(self) -> bool:
+        """Return whether nothing that is seen is mirrored or behind a fold."""
+        return self.unclean == 0.0
 
     @property
     def misses_pins(self) -> bool:
         """Return whether pins are farther from their places than the bars allow."""
         nearly_all, most = PIN_BARS
         return _percentile(self.pixels, NEARLY_ALL) > nearly_all or float(self.pixels.max(initial=0.0)) > most
+
+    @property
+    def misses_background(self) -> bool:
+        """Return whether the background has moved farther than the bars allow."""
+        median, nearly_all = BACKGROUND_BARS
+        return self.background_median > median or self.background_most > nearly_all
 
     @property
     def _distances(self) -> float:
@@ -112,42 +133,98 @@ def _percentile(values: Array, share: float) -> float:
     return float(np.percentile(values, share, method="lower")) if len(values) else 0.0
 
 
-def judge(
-    scene: AimScene,
-    before: Projection,
-    after: Projection,
-    pins: AimPins,
-    halos: Array,
-    wanted: BoolArray,
-    width: int,
-    columns: int = COLUMNS,
-    released: Released | None = None,
-) -> Judgement:
-    """Judge an image by casting it.
+class _Background(NamedTuple):
+    """What the image before shows outside the halos.
 
-    before, after: in world space. pins, halos, wanted: as for ``find_stays``. width: of the image in pixels.
-    columns: of the image that is cast for the judgement. released: what may leave its place. To judge the
-    image before, pass it twice.
+    points: (3, N), in world space. pixels: (N,), the numbers of the judged pixels that show them. objects:
+    (N,), the numbers of their objects.
     """
-    place = _places(after, pins)
-    pixels = np.hypot(place.u - pins.positions[0], (place.v - pins.positions[1]) / after.aspect) * width
-    pixels = np.where(place.found, pixels, np.inf)
-    seen, hidden_by = _visibility(scene, after, place, width)
-    sample = after.volume.evaluate(*(np.nan_to_num(a) for a in place[:3]))
-    cosine = np.einsum("cn,cn->n", sample.dt, pins.directions) / np.linalg.norm(sample.dt, axis=0)
-    angles = np.where(place.found, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
-    rows = max(1, round(columns / after.aspect))
-    x, y = pixel_centres(columns, rows, (0, rows))
-    mirrored, folded = _folds(scene, before, after, x, y, columns)
-    hits = scene.hits(before, x[::4], y[::4], width)
-    kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
-    points = scene.world(hits.position[:, kept])
-    outside = halo_weights(points, pins, halos) >= 1.0
-    if released is not None:
-        outside &= ~released.covers(points, scene.objects[hits.triangle[kept]])
-    background, kept = points[:, outside], 4 * kept[outside]
-    moved = _moved(scene, after, background, np.stack([x[kept], y[kept]]), wanted, width)
-    return Judgement(pixels, angles, seen, hidden_by, mirrored, folded, moved)
+
+    points: Array
+    pixels: IndexArray
+    objects: IndexArray
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A judge of images by casting them.
+
+    before: in world space; its parameters are those of the image. pins, halos, wanted: as for ``find_stays``.
+    width: of the image in pixels. columns: of the image that is cast for a judgement.
+    """
+
+    scene: AimScene
+    before: Projection
+    pins: AimPins
+    halos: Array
+    wanted: BoolArray
+    width: int
+    columns: int = COLUMNS
+
+    def judgement_of(self, after: Projection, released: Released | None = None) -> Judgement:
+        """The judgement of a projection in world space. released: what may leave its place."""
+        pins, scene = self.pins, self.scene
+        place = _places(after, pins)
+        pixels = self._pixels(place, pins.positions)
+        seen, hidden_by = _visibility(scene, after, place, self.width)
+        sample = after.volume.evaluate(*(np.nan_to_num(a) for a in place[:3]))
+        cosine = np.einsum("cn,cn->n", sample.dt, pins.directions) / np.linalg.norm(sample.dt, axis=0)
+        angles = np.where(place.found, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
+        x, y = self._centres
+        hits = scene.hits(after, x, y, self.columns)
+        mirrored, folded = self._folds(after, hits)
+        return Judgement(
+            pixels, angles, seen, hidden_by, mirrored, folded, self._moved(after, hits, released)
+        )
+
+    @cached_property
+    def _centres(self) -> tuple[Array, Array]:
+        """The image positions of the pixels that are judged."""
+        rows = max(1, round(self.columns / self.before.aspect))
+        return pixel_centres(self.columns, rows, (0, rows))
+
+    @cached_property
+    def _background(self) -> _Background:
+        """What a quarter of the pixels shows before."""
+        x, y = (part[::EACH] for part in self._centres)
+        hits = self.scene.hits(self.before, x, y, self.width)
+        kept = np.flatnonzero((hits.triangle >= 0) & ~self.wanted[hits.triangle])
+        points = self.scene.world(hits.position[:, kept])
+        outside = halo_weights(points, self.pins, self.halos) >= 1.0
+        kept = kept[outside]
+        return _Background(points[:, outside], EACH * kept, self.scene.objects[hits.triangle[kept]])
+
+    @cached_property
+    def _orientation(self) -> float:
+        """The sign of the determinant where nothing is mirrored."""
+        x, y = self._centres
+        return float(np.sign(determinant(self.before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum()))
+
+    def _pixels(self, place: Inverse, positions: Array) -> Array:
+        """Distances in pixels of parameters from image positions (2, N), inf where there are none."""
+        across, up = place.u - positions[0], (place.v - positions[1]) / self.before.aspect
+        return np.where(place.found, np.hypot(across, up) * self.width, np.inf)
+
+    def _folds(self, after: Projection, hits: Hits) -> tuple[float, float]:
+        """The shares of pixels that are mirrored, and with a fold before their hit."""
+        hit = hits.triangle >= 0
+        end = np.minimum(hits.t, 1.0)
+        controls = after.volume.controls(*self._centres)
+        samples = (after.volume.evaluate_controls(controls, end * share) for share in SHARES)
+        against = np.stack([determinant(sample) * self._orientation < 0 for sample in samples])
+        mirrored = float(against[-1][hit].mean()) if hit.any() else 0.0
+        return mirrored, float((against.any(axis=0) & hit).mean())
+
+    def _moved(self, after: Projection, hits: Hits, released: Released | None) -> Array:
+        """See ``Judgement.moved``. hits: of the pixels of the image after."""
+        points, pixels, objects = self._background
+        now = hits.triangle[pixels]
+        # What a wanted thing hides is meant to be hidden.
+        counts = (now < 0) | ~self.wanted[now]
+        if released is not None:
+            counts &= ~released.covers(points, objects)
+        positions = np.stack(self._centres)[:, pixels[counts]]
+        return self._pixels(_follow(after, points[:, counts], positions), positions)
 
 
 def _places(projection: Projection, pins: AimPins) -> Inverse:
@@ -187,32 +264,3 @@ def _footprint(sample: VolumeSample, width: int) -> Array:
     across = sample.du - np.einsum("cn,cn->n", sample.du, tangent) * tangent
     footprint: Array = np.linalg.norm(across, axis=0) / width
     return footprint
-
-
-def _folds(
-    scene: AimScene, before: Projection, after: Projection, x: Array, y: Array, columns: int
-) -> tuple[float, float]:
-    """The shares of pixels that are mirrored, and with a fold before their hit."""
-    usual = np.sign(determinant(before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum())
-    hits = scene.hits(after, x, y, columns)
-    hit = hits.triangle >= 0
-    end = np.minimum(hits.t, 1.0)
-    controls = after.volume.controls(x, y)
-    against = np.stack(
-        [determinant(after.volume.evaluate_controls(controls, end * s)) * usual < 0 for s in SHARES]
-    )
-    mirrored = float(against[-1][hit].mean()) if hit.any() else 0.0
-    return mirrored, float((against.any(axis=0) & hit).mean())
-
-
-def _moved(
-    scene: AimScene, after: Projection, points: Array, old: Array, wanted: BoolArray, width: int
-) -> Array:
-    """See ``Judgement.moved``, of points (3, N) that the old image shows at positions (2, N)."""
-    x, y = old
-    place = _follow(after, points, old)
-    moved = np.where(place.found, np.hypot(place.u - x, (place.v - y) / after.aspect) * width, np.inf)
-    # What a wanted thing hides is meant to be hidden.
-    covered = scene.hits(after, x, y, width)
-    hides = (covered.triangle >= 0) & wanted[covered.triangle]
-    return moved[~hides]

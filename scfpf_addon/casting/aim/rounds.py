@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,28 +13,32 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The way that is tried first, and others: stays that count more hold the background, more steps leave folds,
-# and stays that count less do not force any.
-FIRST = Schedule()
-STILL, LONG, LOOSE = Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5)
+# The way that is tried first, and others: stays that count more hold the background, and stays that count
+# less force no folds.
+FIRST, STILL, LOOSE = Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(stay=0.5)
 # From a solved volume, the way of detours round what hides pins.
 FREEING = Schedule(stages=4, final_steps=40)
-# Stays force folds if more than this share of the pixels is folded or mirrored.
-FORCED = 0.005
+# Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
+# too many to be mended.
+FORCED, MENDABLE = 0.005, 0.03
 
 
 class Round(NamedTuple):
-    """A result and its judgement. number: how many rounds were solved until it was the best."""
+    """A result and its judgement.
+
+    number: how many rounds were solved until it was found. schedule: of its way.
+    """
 
     result: AimResult
     judgement: Judgement
     number: int
+    schedule: Schedule
 
 
 # From a result to its judgement.
-Judge = Callable[[AimResult], Judgement]
+JudgeResult = Callable[[AimResult], Judgement]
 # From the best round to the problem that frees its hidden pins, and the judge of that; None if nothing would.
-Free = Callable[[Round], "tuple[AimProblem, Judge] | None"]
+Free = Callable[[Round], "tuple[AimProblem, JudgeResult] | None"]
 # A round is reported as this share of the work that is left: most solves need one.
 ROUND_SHARE = 0.7
 # Told before each step how much is done, as a share; returns whether to stop.
@@ -42,57 +47,111 @@ Report = Callable[[float], bool]
 
 def solve_in_rounds(
     problem: AimProblem,
-    judged: Judge,
+    judged: JudgeResult,
     old: Judgement,
     report: Report = lambda share: False,
     free: Free = lambda found: None,
 ) -> Round | None:
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
-    old: the judgement of the image before; a round that is no worse wins over one that is. A last round frees
-    hidden pins from where the best one ended.
+    old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
+    mended if it folds. A last round frees hidden pins from where that ended.
     """
-    best: Round | None = None
-    done, number, ways = 0.0, 0, [FIRST]
-    while ways:
-        schedule, number = ways.pop(0), number + 1
-        part = ROUND_SHARE * (1.0 - done)
-        result = solve(problem, _Steps(report, done, part / schedule.most_steps), schedule)
-        done += part
-        if result is None or report(done):
-            return None
-        if not all(np.isfinite(patch.points).all() for patch in result.patches):
-            ways = ways or [LOOSE] * (number == 1)
-            continue
-        found = Round(result, judged(result), number)
-        if number == 1:
-            ways = _other_ways(found.judgement)
-        if best is None or _rank(found, old) < _rank(best, old):
-            best = found
-        if best.judgement.meets_bars and not best.judgement.worse_than(old):
-            break
-    freeing = free(best) if best is not None else None
-    if best is None or freeing is None:
-        return best
-    return _freed(best, *freeing, old, report, done)
+    rounds = _Rounds(old, report)
+    try:
+        best = _best_round(rounds, problem, judged)
+        freeing = free(best) if best is not None else None
+        return best if best is None or freeing is None else _freed(rounds, best, *freeing)
+    except _Stopped:
+        return None
 
 
-def _freed(
-    best: Round, problem: AimProblem, judged: Judge, old: Judgement, report: Report, done: float
-) -> Round | None:
-    """The round that frees pins from where the best one ended, if it is better; None if stopped.
+def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Round | None:
+    first = rounds.solve(problem, judged, FIRST)
+    found = [first]
+    if first is None or not rounds.is_good(first):
+        for way in [LOOSE] if first is None else other_ways(first.judgement):
+            found.append(rounds.solve(problem, judged, way))
+            if found[-1] and not found[-1].judgement.misses_pins:
+                break
+    finite = [one for one in found if one is not None]
+    if not finite:
+        return None
+    best = min(finite, key=rounds.rank)
+    if 0.0 < best.judgement.unclean <= MENDABLE and not best.judgement.misses_pins:
+        # Where stays of their weight force folds, they yield.
+        for way in dict.fromkeys([best.schedule, FIRST]):
+            mended = rounds.solve(replace(problem, solved=best.result), judged, way.mending())
+            finite += [mended] if mended else []
+            if mended and mended.judgement.is_clean:
+                break
+    return min(finite, key=rounds.final_rank)
+
+
+def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
+    """The round that frees pins from where the best one ended, if it is better.
 
     Their shortfalls are compared, also if the best one meets the bars: no bar counts hidden pins.
     """
-    result = solve(problem, _Steps(report, done, (1.0 - done) / FREEING.most_steps), FREEING)
-    if result is None:
-        return None
-    if not all(np.isfinite(patch.points).all() for patch in result.patches):
+    freed = rounds.solve(problem, judged, FREEING, 1.0)
+    if freed is None:
         return best
-    found = judged(result)
-    sees_more = found.hidden < best.judgement.hidden
-    is_better = sees_more and not found.worse_than(old) and found.shortfall < best.judgement.shortfall
-    return Round(result, found, best.number + 1) if is_better else best
+    old, new = best.judgement, freed.judgement
+    sees_more = new.hidden < old.hidden and new.shortfall < old.shortfall
+    keeps = not new.worse_than(rounds.old) and (new.is_clean or not old.is_clean)
+    return freed if sees_more and keeps else best
+
+
+def other_ways(first: Judgement) -> list[Schedule]:
+    """The ways that better what the first one missed, in turn."""
+    if first.misses_pins:
+        return [LOOSE, STILL]
+    if first.unclean > FORCED:
+        return [LOOSE]
+    return [STILL] if first.misses_background else []
+
+
+class _Stopped(Exception):
+    """The user has stopped the solve."""
+
+
+class _Rounds:
+    """Solves rounds, reports them, and compares them. old: the judgement of the image before."""
+
+    def __init__(self, old: Judgement, report: Report) -> None:
+        self.old, self._report = old, report
+        self._done, self._number = 0.0, 0
+
+    def solve(
+        self, problem: AimProblem, judged: JudgeResult, schedule: Schedule, share: float = ROUND_SHARE
+    ) -> Round | None:
+        """The next round; None if its volume is not finite. share: of the work that is left.
+
+        Raises _Stopped.
+        """
+        self._number += 1
+        part = share * (1.0 - self._done)
+        result = solve(problem, _Steps(self._report, self._done, part / schedule.most_steps), schedule)
+        self._done += part
+        if result is None or self._report(self._done):
+            raise _Stopped
+        if not all(np.isfinite(patch.points).all() for patch in result.patches):
+            return None
+        return Round(result, judged(result), self._number, schedule)
+
+    def is_good(self, found: Round) -> bool:
+        """Return whether nothing is left to better."""
+        return found.judgement.meets_bars and not found.judgement.worse_than(self.old)
+
+    def rank(self, found: Round) -> tuple[bool, float]:
+        """The less the better, if folds can still be mended."""
+        return bool(found.judgement.worse_than(self.old)), found.judgement.shortfall
+
+    def final_rank(self, found: Round) -> tuple[bool, int, float]:
+        """The less the better: folds and missed pins are seen at once, a background that moved is not."""
+        judgement = found.judgement
+        missed = judgement.misses_pins + (not judgement.is_clean)
+        return bool(judgement.worse_than(self.old)), missed, judgement.shortfall
 
 
 class _Steps:
@@ -104,18 +163,3 @@ class _Steps:
     def __call__(self) -> bool:
         self._done += self._size
         return self._report(self._done)
-
-
-def _other_ways(first: Judgement) -> list[Schedule]:
-    """The ways that mend what the first one missed, in turn."""
-    if max(first.mirrored, first.folded) > FORCED:
-        return [LOOSE, LONG]
-    if first.misses_pins:
-        return [LOOSE]
-    return [STILL, LONG] if first.mirrored or first.folded else [STILL]
-
-
-def _rank(found: Round, old: Judgement) -> tuple[bool, bool, float]:
-    """The less the better."""
-    judgement = found.judgement
-    return bool(judgement.worse_than(old)), not judgement.meets_bars, judgement.shortfall

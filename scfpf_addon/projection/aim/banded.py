@@ -31,6 +31,11 @@ class Rows(NamedTuple):
     residuals: Array
 
     @classmethod
+    def joined(cls, parts: list[Rows]) -> Rows:
+        """The rows of all parts."""
+        return cls(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
+
+    @classmethod
     def of(cls, places: Places, coefficients: Array, residuals: Array) -> Rows:
         """Rows of N places with E residuals each. coefficients: (C, E, N). residuals: (E, N)."""
         each = len(residuals)

@@ -101,6 +101,11 @@ class Places:
     row: IndexArray
     local: Array
 
+    @property
+    def count(self) -> int:
+        """The number of places."""
+        return len(self.column)
+
     @cached_property
     def acting(self) -> IndexArray:
         """The numbers of the acting points, (16, N)."""
@@ -147,6 +152,11 @@ class Grid:
     v: Array
     along_u: Array
     along_v: Array
+
+    @property
+    def count(self) -> int:
+        """The number of places."""
+        return len(self.u) * len(self.v)
 
     @cached_property
     def places(self) -> Places:

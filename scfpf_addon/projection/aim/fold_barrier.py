@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..typing import Array
+from ..typing import Array, IndexArray
 from ..volume.bezier import bernstein, bernstein_derivative
 from .banded import Rows
 from .control_net import Grid, Places, combined
@@ -22,35 +22,53 @@ LEAST_JACOBIAN = 0.15
 SHARES = np.array([0.12, 0.3, 0.5, 0.7, 0.85, 0.95, 1.01])
 
 
+# The scaled Jacobians (7, N) of projectors, and Qu, Qv and Qt there.
+Jacobians = tuple[Array, tuple[Array, Array, Array]]
+
+
 class FoldBarrier:
     """The barrier at N projectors. orientation: the sign of the determinant where nothing folds.
 
     t: (7, N), where they are tested.
     """
 
-    def __init__(self, places: Grid | Places, orientation: float, count: int) -> None:
+    def __init__(self, places: Grid | Places, orientation: float) -> None:
         self.places, self.orientation = places, orientation
-        self.look(np.ones(count))
+        self.look(np.ones(places.count))
 
     def look(self, hits_t: Array) -> None:
         """Test up to the first hits (N,)."""
-        self.t = np.clip(SHARES[:, None] * np.minimum(hits_t, 1.0), 0.0, 1.0)
+        self._test(np.clip(SHARES[:, None] * np.minimum(hits_t, 1.0), 0.0, 1.0))
+
+    def take(self, which: IndexArray) -> FoldBarrier:
+        """The barrier at the projectors of these numbers, up to the same t."""
+        taken = FoldBarrier(self.places.take(which), self.orientation)
+        taken._test(self.t[:, which])
+        return taken
+
+    def _test(self, t: Array) -> None:
+        self.t = t
+        # The last control points, and their Jacobians.
+        self._found: tuple[Array, Jacobians] | None = None
+        degree = self.places.net.surfaces - 1
+        self._weights = bernstein(degree, t), bernstein_derivative(degree, t)
 
     def worst(self, points: Array) -> Array:
         """The least scaled Jacobian of each projector, (N,)."""
         least: Array = self._jacobians(points)[0].min(axis=0)
         return least
 
-    def _jacobians(self, points: Array) -> tuple[Array, tuple[Array, Array, Array]]:
-        """The scaled Jacobians (7, N), and Qu, Qv and Qt."""
-        controls = self.places.controls(points)
-        degree = controls.shape[1] - 1
-        value = bernstein(degree, self.t)
-        du, dv = combined(value, controls[1]), combined(value, controls[2])
-        dt = combined(bernstein_derivative(degree, self.t), controls[0])
-        lengths = np.sqrt(dot(du, du) * dot(dv, dv) * dot(dt, dt))
-        found = self.orientation * dot(cross(du, dv), dt) / np.maximum(lengths, 1e-300)
-        return found, (du, dv, dt)
+    def _jacobians(self, points: Array) -> Jacobians:
+        """See ``Jacobians``. Those of the same array are kept."""
+        if self._found is None or self._found[0] is not points:
+            controls = self.places.controls(points)
+            value, slope = self._weights
+            du, dv = combined(value, controls[1]), combined(value, controls[2])
+            dt = combined(slope, controls[0])
+            lengths = np.sqrt(dot(du, du) * dot(dv, dv) * dot(dt, dt))
+            found = self.orientation * dot(cross(du, dv), dt) / np.maximum(lengths, 1e-300)
+            self._found = points, (found, (du, dv, dt))
+        return self._found[1]
 
     def value(self, points: Array, strength: float) -> float:
         """The energy."""
@@ -62,13 +80,13 @@ class FoldBarrier:
         g, derivatives = self._jacobians(points)
         share, place = np.nonzero(g < LEAST_JACOBIAN)
         du, dv, dt = (part[:, share, place] for part in derivatives)
-        short, t = g[share, place], self.t[share, place]
+        short = g[share, place]
         squares = [dot(d, d) for d in (du, dv, dt)]
         scale = self.orientation / np.maximum(np.sqrt(squares[0] * squares[1] * squares[2]), 1e-300)
         places = self.places.take(place)
         degree = places.net.surfaces - 1
-        value, slope = bernstein(degree, t), bernstein_derivative(degree, t)
-        rows = np.zeros((48 * degree, len(t)))
+        value, slope = (weights[:, share, place] for weights in self._weights)
+        rows = np.zeros((48 * degree, len(place)))
         parts = (
             (1, value, cross(dv, dt), du),
             (2, value, cross(dt, du), dv),

@@ -8,7 +8,7 @@ parameterised by the image itself: u = x and v = y (``start.start_volume``).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -149,7 +149,7 @@ class AimProblem:
     patches: the control surfaces of the start, near to far, cubic B-splines with equal nets, joined by a
     Bézier projector. The first one stays fixed. width: of the image in pixels. aspect: its width / height.
     first_hits: finds what projectors see; None: nothing hides anything, and folds count along the whole
-    projector. solved: a result from which detours go on, None to begin at the start.
+    projector. solved: a result from which to go on, None to begin at the start.
     """
 
     patches: tuple[NurbsPatch, ...]
@@ -168,22 +168,29 @@ class AimProblem:
 class Schedule:
     """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
 
-    stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold_growth: the multiple
-    to which the barrier grows by then. stay, robust: factors of the weight of stays, and of the distance from
-    which they lose their influence.
+    stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold, fold_growth: factor
+    of the barrier's weight, and the multiple to which it grows by then. stay, robust: factors of the weight
+    of stays, and of the distance from which they lose their influence. mends: whether folds are looked for on
+    a finer grid, from the first step on.
     """
 
     stages: int = 8
     steps: int = 2
     final_steps: int = 24
+    fold: float = 1.0
     fold_growth: float = 12.0
     stay: float = 1.0
     robust: float = 1.0
+    mends: bool = False
 
     @property
     def most_steps(self) -> int:
         """Steps at most."""
         return (self.stages - 1) * self.steps + self.final_steps
+
+    def mending(self) -> Schedule:
+        """The way from a result of this one that takes the last folds out of it."""
+        return replace(self, stages=1, final_steps=16, fold=2.0, fold_growth=3.0, mends=True)
 
 
 @dataclass(frozen=True)

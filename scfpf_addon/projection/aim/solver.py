@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import median
 from ..typing import Array
-from .banded import Normal
+from .banded import Normal, Rows
 from .control_net import Along, Grid, Net
 from .detour_energy import DetourEnergy
 from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
@@ -39,6 +39,9 @@ FIRST_T = 0.05
 # Projectors along x and y on which folds are tested, and a finer grid on which they are looked for after each
 # so many of the last steps; those found are tested from then on.
 FOLD_GRID, FINE_GRID, FOLD_SEARCH = (32, 18), (96, 48), 4
+# Found are those whose scaled Jacobian is below this share of the barrier's bound. A way that mends looks at
+# the pixels of an image of so many columns; its share, and that above which nothing is left to mend.
+FOUND, MENDED_COLUMNS, MENDED_FOUND, MENDED = 0.2, 192, 1.0, 0.7
 # Stays and folds are told what projectors see before the first of so many steps.
 LOOK = 2
 
@@ -49,20 +52,18 @@ class Aim:
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
         plan, weights = self.schedule, problem.weights
-        weights = replace(weights, stay=weights.stay * plan.stay, robust=weights.robust * plan.robust)
+        factors = {name: getattr(weights, name) * getattr(plan, name) for name in ("stay", "robust", "fold")}
+        self.weights = weights = replace(weights, **factors)
         rows, columns = problem.patches[0].points.shape[:2]
         self.net = Net(columns, rows, len(problem.patches))
         self.start = self.net.gather(problem.patches)
         self.points = self.start.copy()
-        self.damping, self.steps = DAMPING, 0
+        self.damping, self.steps, self.orientation = DAMPING, 0, self._usual_orientation()
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
         self.stays = [StayEnergy(self.net, s, weights, self.points, problem.width) for s in problem.stays]
-        places = self._grid(FOLD_GRID)
-        middle = Along.of(places.controls(self.points), np.full(len(places.places.column), 0.5))
-        orientation = float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
-        self.folds = [FoldBarrier(places, orientation, len(places.places.column))]
+        self.folds = [FoldBarrier(self._grid(FOLD_GRID), self.orientation)]
         self.fold_strength = weights.fold
         if problem.solved is not None:
             self.points, self.t = self.net.gather(problem.solved.patches), problem.solved.t.copy()
@@ -70,22 +71,38 @@ class Aim:
     def _grid(self, counts: tuple[int, int]) -> Grid:
         return self.net.grid(*(np.linspace(0.0, 1.0, count) for count in counts))
 
-    def _add_folds(self) -> None:
-        """Test the folds between the tested projectors, too."""
-        grid = self._grid(FINE_GRID)
-        fine = FoldBarrier(grid, self.folds[0].orientation, len(grid.places.column))
+    def _usual_orientation(self) -> float:
+        """The sign of the determinant where nothing folds."""
+        places = self._grid(FOLD_GRID)
+        middle = Along.of(places.controls(self.points), np.full(len(places.places.column), 0.5))
+        return float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
+
+    def _find_folds(self) -> float:
+        """Test the folds between the tested projectors, too. Returns the least scaled Jacobian of all."""
+        if self.schedule.mends:
+            columns, rows = MENDED_COLUMNS, max(1, round(MENDED_COLUMNS / self.problem.aspect))
+            grid = self.net.grid(*((np.arange(count) + 0.5) / count for count in (columns, rows)))
+        else:
+            grid = self._grid(FINE_GRID)
+        fine = FoldBarrier(grid, self.orientation)
         if self.problem.first_hits is not None:
             fine.look(self.problem.first_hits(grid.controls(self.points)[0]).t)
-        folded = np.flatnonzero(fine.worst(self.points) < 0.2 * LEAST_JACOBIAN)
+        worst = fine.worst(self.points)
+        folded = np.flatnonzero(worst < (MENDED_FOUND if self.schedule.mends else FOUND) * LEAST_JACOBIAN)
         if len(folded):
-            more = FoldBarrier(grid.take(folded), fine.orientation, len(folded))
-            more.t = fine.t[:, folded]
-            self.folds.append(more)
+            # Among those of pixels are all of before that are not mended.
+            kept = self.folds[:1] if self.schedule.mends else self.folds
+            self.folds = [*kept, fine.take(folded)]
+        return float(worst.min())
 
     @property
     def is_folded(self) -> bool:
         """Return whether a tested projector folds."""
-        return any(fold.worst(self.points).min() <= 0.0 for fold in self.folds)
+        return any(fold.worst(self.points).min(initial=1.0) <= 0.0 for fold in self._barriers)
+
+    @property
+    def _barriers(self) -> list[FoldBarrier]:
+        return [*self.folds, self.pin_folds]
 
     def _footprints(self) -> Array:
         """World units in a pixel on each moving surface of the start, (surfaces - 1,)."""
@@ -100,26 +117,34 @@ class Aim:
         self.t = self.way.t
         weights, footprint = self.problem.weights, self.way.footprint
         self.pin_energy = PinEnergy(places, pins, weights, self.t, footprint, self.problem.width)
-        self.lines = LineEnergy(self.net, pins, self.problem.lines, self.pin_energy)
-        self.detours = DetourEnergy(self.problem.detours, self.pin_energy)
+        self.pin_folds = FoldBarrier(places, self.orientation)
+        # Energies of nothing would only cost time.
+        lines, detours = self.problem.lines, self.problem.detours
+        has_lines, has_detours = lines.pins.shape[1] > 0, len(detours.pins) > 0
+        self.lines = [LineEnergy(self.net, pins, lines, self.pin_energy)] if has_lines else []
+        self.detours = [DetourEnergy(detours, self.pin_energy)] if has_detours else []
 
     def solve(self, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
         """Solve from the old image to the wanted one; None if cancelled.
 
-        From a solved result only the detours are on their way.
+        From a solved result only the detours are on their way, and a way that mends ends when nothing folds.
         """
         plan, warm = self.schedule, self.problem.solved is not None
         for stage in range(1, plan.stages + 1):
             share = stage / plan.stages
-            targets, self.detours.share = self.way.targets(1.0 if warm else share), share
+            targets = self.way.targets(1.0 if warm else share)
+            for detours in self.detours:
+                detours.share = share
             final = stage == plan.stages
             for step in range(plan.final_steps if final else plan.steps):
                 if is_cancelled is not None and is_cancelled():
                     return None
                 growth = min(1.0, step / max(plan.final_steps - 4, 1)) if final else 0.0
-                self.fold_strength = self.problem.weights.fold * plan.fold_growth**growth
-                if final and step % FOLD_SEARCH == FOLD_SEARCH - 1:
-                    self._add_folds()
+                self.fold_strength = self.weights.fold * plan.fold_growth**growth
+                if final and step % FOLD_SEARCH == (0 if plan.mends else FOLD_SEARCH - 1):
+                    worst = self._find_folds()
+                    if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
+                        break
                 moved = self.step(targets)
                 if final and moved < SETTLED and not self.is_folded:
                     break
@@ -142,13 +167,12 @@ class Aim:
         forces = self.plate.forces(self._offset(self.points))
         normal = Normal(self.net, self.plate.band.copy(), -forces.reshape(-1))
         pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
-        normal.add(pin_rows)
-        normal.add(self.lines.linearise(self.points, targets))
-        normal.add(self.detours.linearise(self.points))
+        rows = [pin_rows, *(lines.linearise(self.points, targets) for lines in self.lines)]
+        rows += [detours.linearise(self.points) for detours in self.detours]
+        rows += [folds.linearise(self.points, self.fold_strength) for folds in self._barriers]
+        normal.add(Rows.joined(rows))
         for stays in self.stays:
             normal.add_grid(stays.linearise(self.points))
-        for folds in self.folds:
-            normal.add(folds.linearise(self.points, self.fold_strength))
         before = self._value(self.points, self.t, targets)
         longest = LONGEST_MOVE * self.problem.width
         for _ in range(ATTEMPTS):
@@ -167,7 +191,11 @@ class Aim:
         return 0.0
 
     def _look(self) -> None:
-        """Let the stays and the barriers know what projectors see."""
+        """Let the stays and the barriers know what projectors see.
+
+        Those of pins are kept from folding up to their points: beyond a fold nothing is shown.
+        """
+        self.pin_folds.look(self.t)
         if self.problem.first_hits is None:
             return
         parts = [fold.places.controls(self.points)[0] for fold in self.folds]
@@ -181,10 +209,11 @@ class Aim:
             stays.hide(t, wanted)
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
-        total = self.pin_energy.value(points, t, targets) + self.lines.value(points, targets)
-        total += self.detours.value(points)
+        total = self.pin_energy.value(points, t, targets)
+        total += sum(lines.value(points, targets) for lines in self.lines)
+        total += sum(detours.value(points) for detours in self.detours)
         total += sum(stays.value(points) for stays in self.stays)
-        total += sum(folds.value(points, self.fold_strength) for folds in self.folds)
+        total += sum(folds.value(points, self.fold_strength) for folds in self._barriers)
         return float(total + self.plate.value(self._offset(points)))
 
     def _offset(self, points: Array) -> Array:

@@ -41,6 +41,8 @@ class StayEnergy:
         self.listed = np.flatnonzero(stays.weights.ravel() > LEAST_WEIGHT)
         self.points = stays.points.reshape(3, -1)[:, self.listed]
         self.weights = weights
+        # The last control points, and their projectors.
+        self._seen: tuple[Array, Array] | None = None
         share = np.sqrt(USUAL_COUNT / stays.weights.size)
         self.strength = weights.stay * share * stays.weights.ravel()[self.listed]
         controls = self.controls(points)
@@ -52,9 +54,11 @@ class StayEnergy:
         self.active = np.ones(len(self.listed))
 
     def controls(self, points: Array) -> Array:
-        """The projectors of the stays, as ``Places.controls``."""
-        found = self.grid.controls(points)
-        return found if len(self.listed) == found.shape[3] else found[..., self.listed]
+        """The projectors of the stays, as ``Places.controls``. Those of the same array are kept."""
+        if self._seen is None or self._seen[0] is not points:
+            found = self.grid.controls(points)
+            self._seen = points, found if len(self.listed) == found.shape[3] else found[..., self.listed]
+        return self._seen[1]
 
     def _footprints(self, controls: Array, t: Array, tangent: Array) -> Array:
         """World units across a pixel, (N,)."""

@@ -11,6 +11,15 @@ import pytest
 sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "support"))
 
 
+@pytest.fixture(autouse=True)
+def quick_solves(addon, monkeypatch):
+    """One way of solving, judged by a small image: these tests are about Blender, not about the rounds."""
+    monkeypatch.setattr(addon("bridge.aim.solve_targets"), "COLUMNS", 64)
+    rounds = addon("casting.aim.rounds")
+    monkeypatch.setattr(rounds, "other_ways", lambda first: [])
+    monkeypatch.setattr(rounds, "MENDABLE", 0.0)
+
+
 @pytest.fixture
 def places(addon, reading):
     """The image positions in pixels, (N, 2), at which a flexible camera shows world points (N, 3)."""

@@ -79,15 +79,28 @@ def test_targets_that_are_met_change_nothing(scene, places):
     assert np.abs(places(camera, grid) - before).max() < 0.5
 
 
-def test_a_pin_and_a_straight_line_are_solved(scene, places):
+def test_a_pin_and_a_straight_line_are_solved(scene, reading):
     camera = scene.camera
-    for point, position in (((-7, -6, 6), (0.1, 0.8)), ((-6.5, 18, 6), (0.4, 0.7))):
+    pins = (((-7, -6, 6), (0.1, 0.8)), ((-6.5, 18, 6), (0.4, 0.7)))
+    for point, position in pins:
         bpy.ops.scfpf.aim_pin_add(camera=camera.name, point=point, position=position)
     first, second = (target.handle.name for target in camera.scfpf.aim_targets)
     bpy.ops.scfpf.aim_line_add(camera=camera.name, first=first, second=second)
     assert solve(camera) == {"FINISHED"}, camera.scfpf.aim.message
-    found = places(camera, [(-7, -6, 6), (-6.5, 18, 6)])
-    assert np.abs(found - np.array([[96.0, 432.0], [384.0, 378.0]])).max() < 1.5
+    # The projectors at their places meet them within 1.5 pixels. A hidden point may be on another one, too.
+    projection = reading.read_projection(camera, bpy.context.evaluated_depsgraph_get(), 960 / 540)
+    t = np.linspace(0.0, 1.0, 40001)[:, None]
+    for point, (x, y) in pins:
+        near, middle, far = np.moveaxis(
+            projection.projectors(np.array([x, x + 1 / 960]), np.full(2, y))[0], 2, 1
+        )
+        here, beside = (
+            (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
+            for a, b, c in zip(near, middle, far, strict=True)
+        )
+        miss = np.linalg.norm(here - point, axis=1)
+        nearest = miss.argmin()
+        assert miss[nearest] < 1.5 * np.linalg.norm(beside[nearest] - here[nearest])
 
 
 def test_a_solution_that_is_worse_is_not_taken(scene, addon, monkeypatch):

@@ -2,7 +2,6 @@
 """Aim in scenes: views, stays, and a judge that is compared with brute force and closed forms."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from benchmarks.aim.cases import WIDTH, figure, random_setting, room, view_setting
 from scfpf_addon.casting.aim.aim_scene import hit_finder
 from scfpf_addon.casting.aim.views import sample_view
-from scfpf_addon.projection.aim.problem import AimPins
+from scfpf_addon.projection.aim.problem import AimPins, Schedule
 from scfpf_addon.projection.aim.solver import solve
 from scfpf_addon.projection.volume.viewing_volume import ViewingVolume
 
@@ -27,14 +26,19 @@ def solved(place):
     return case, result, case.judged_result(result)
 
 
-def ray_meets(origin, target, corners):
-    """Return whether a triangle (3, 3) is strictly between two points, by Cramer's rule."""
-    a, b, c = corners
-    matrix = np.stack([target - origin, a - b, a - c], axis=1)
-    if abs(np.linalg.det(matrix)) < 1e-12:
-        return False
-    share, s, t = np.linalg.solve(matrix, a - origin)
-    return 1e-6 < share < 1 - 1e-4 and s >= 0 and t >= 0 and s + t <= 1
+def chords_meet(points, corners):
+    """Return whether a triangle (T, 3, 3) is inside a chord between points (N, 3), by Cramer's rule."""
+    start, way = points[:-1, None], np.diff(points, axis=0)[:, None]
+    a, b, c = corners.swapaxes(0, 1)
+    sides = np.broadcast_arrays(way, a - b, a - c)
+    determinant = np.linalg.det(np.stack(sides, axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share, s, t = (
+            np.linalg.det(np.stack([*sides[:k], a - start, *sides[k + 1 :]], axis=-1)) / determinant
+            for k in range(3)
+        )
+    met = (share > 1e-6) & (share < 1 - 1e-4) & (s >= 0) & (t >= 0) & (s + t <= 1)
+    return bool((met & (np.abs(determinant) >= 1e-12)).any())
 
 
 def test_a_view_shows_what_its_eye_sees(place):
@@ -44,7 +48,7 @@ def test_a_view_shows_what_its_eye_sees(place):
     own = place.vertices[place.triangles[place.wanted]]
     for point, direction in zip(pins.points.T, pins.directions.T, strict=True):
         eye = point - 20.0 * direction
-        assert not any(ray_meets(eye, point, corners) for corners in own)
+        assert not chords_meet(np.stack([eye, point]), own)
     # Frames are the derivatives of the view's positions.
     moved = view.positions(pins.points + 1e-4 * pins.across) - pins.positions
     np.testing.assert_allclose(moved, np.array([[1e-4], [0.0]]) + 0 * moved, atol=1e-9)
@@ -57,6 +61,18 @@ def test_a_turned_chair_meets_the_bars(solved):
     assert found.background_median <= 2.0 and found.background_most <= 25.0
 
 
+def test_a_fold_is_mended(solved):
+    case, result, _ = solved
+    # A control point of an inner surface, drawn over its neighbour before a wall.
+    inner = result.patches[2].points.copy()
+    inner[5, 2, :3] += 6.0 * (inner[5, 3] - inner[5, 2])[:3]
+    patches = (*result.patches[:2], replace(result.patches[2], points=inner), *result.patches[3:])
+    folded = replace(result, patches=patches)
+    assert case.judged_result(folded).folded > 0.01
+    mended = case.judged_result(solve(replace(case.problem, solved=folded), schedule=Schedule().mending()))
+    assert mended.is_clean and mended.pixels.max() <= 1.5
+
+
 def test_the_judge_agrees_with_chords_of_the_projectors(place, solved):
     case, result, found = solved
     volume = ViewingVolume(result.patches)
@@ -66,8 +82,7 @@ def test_the_judge_agrees_with_chords_of_the_projectors(place, solved):
     for pin in range(0, pins.count, 4):
         x, y = pins.positions[:, pin]
         curve = volume.evaluate(np.full(60, x), np.full(60, y), t * (result.t[pin] - 2e-3)).position.T
-        met = any(ray_meets(a, b, c) for a, b in pairwise(curve) for c in corners)
-        assert met != found.seen[pin]
+        assert chords_meet(curve, corners) != found.seen[pin]
 
 
 def test_the_judge_names_what_hides_a_pin(place):
@@ -120,10 +135,9 @@ def test_stays_are_weaker_near_the_thing(solved):
 
 def test_random_pins_are_solved_and_never_worse():
     place = figure()
-    met = 0
-    for seed in range(5):
-        case = random_setting(place, seed, 20.0, 0.03)
+    for seed in range(3):
+        # A smaller control net and image than those of the bars.
+        case = random_setting(place, seed, 20.0, 0.03, net=(8, 6), columns=64)
         found = case.judged_result(solve(case.problem))
-        met += found.pixels.max() <= 0.5
-        assert found.worse_than(case.judged(case.before)) == ""
-    assert met >= 4
+        assert found.pixels.max() <= 0.5
+        assert found.worse_than(case.old) == ""

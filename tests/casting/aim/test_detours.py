@@ -8,13 +8,15 @@ import numpy as np
 from benchmarks.aim.cases import HALO, Place, figure, room, setting
 from benchmarks.hard_scenes import cube
 from scfpf_addon.casting.aim.detours import free_pins
-from scfpf_addon.casting.aim.rounds import FREEING, Round, solve_in_rounds
+from scfpf_addon.casting.aim.rounds import FIRST, FREEING, Round, solve_in_rounds
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.projection.aim.problem import AimPins
 from scfpf_addon.projection.aim.solver import solve
 from scfpf_addon.projection.volume.inverse import find_in_image
 
 OBSTACLE = 20
+# A smaller control net and image than those of the bars.
+SMALL, COLUMNS = (8, 6), 64
 
 
 def with_box(place: Place, low, high) -> Place:
@@ -29,15 +31,15 @@ def with_box(place: Place, low, high) -> Place:
     )
 
 
-def front(place: Place, net=(8, 6)):
+def front(place: Place, net=SMALL):
     """The figure as the camera sees it."""
     pins = sample_view(place.scene, place.wanted, place.view(0.0, 0.0))
-    return setting(place, pins, HALO * place.sphere[1], net=net)
+    return setting(place, pins, HALO * place.sphere[1], net=net, columns=COLUMNS)
 
 
 def first_round(case):
     result = solve(case.problem)
-    return Round(result, case.judged_result(result), 1)
+    return Round(result, case.judged_result(result), 1, FIRST)
 
 
 def met_boxes(case, result):
@@ -89,7 +91,7 @@ def test_a_pin_by_itself_comes_free():
     # A column of the scene, behind the middle of the box.
     pin = AimPins(np.array([[0.5], [11.8], [1.0]]), np.zeros((2, 1)))
     pin = replace(pin, positions=place_in_image(place, pin.points))
-    case = setting(place, pin, 1.0, net=(8, 6))
+    case = setting(place, pin, 1.0, net=SMALL, columns=COLUMNS)
     first = first_round(case)
     assert first.judgement.hidden_by[0] == OBSTACLE
     problem, released = free_pins(place.scene, case.problem, case.shown, *first[:2])

@@ -127,6 +127,42 @@ def a_frame_is_dragged(driver):
     assert np.abs((yield from picture(driver)) - first).mean() < SAME, "undo leaves another image"
 
 
+def shown_at(driver, camera, point):
+    """The pixels of the window, from the frame's corner, at which the camera's volume shows a world point."""
+    size = np.subtract(place_in_frame(driver, 1.0, 1.0), place_in_frame(driver, 0.0, 0.0))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    projection = module("bridge.camera.read_projection").read_projection(camera, depsgraph, 2.0)
+    found = module("projection.volume.inverse").find_in_image(projection, np.array(point)[:, None])
+    assert found.found.all()
+    return np.array([found.x[0], found.y[0]]) * size
+
+
+def a_drag_keeps_up(driver):
+    """The frame is dragged by 10 pixels an event: as each is handled, the lamps are where the mouse is."""
+    camera = yield from prepare(driver)
+    with driver.override():
+        assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
+    yield from solved(driver)
+    target, lamps = camera.scfpf.aim_targets[0], (0.0, -2.15, 0.75)
+    (x, y), before = in_frame(driver, target, 0.0, 0.0), shown_at(driver, camera, lamps)
+    move = driver.window.event_simulate
+    move("MOUSEMOVE", "NOTHING", x=x, y=y)
+    yield STEP
+    move("LEFTMOUSE", "PRESS", x=x, y=y)
+    yield STEP
+    lags = []
+    for event in range(1, 10):
+        move("MOUSEMOVE", "NOTHING", x=x + 10 * event, y=y)
+        yield STEP
+        lags.append(np.hypot(*(shown_at(driver, camera, lamps) - before - (10.0 * event, 0.0))))
+    driver.shot("kept-up")
+    move("LEFTMOUSE", "RELEASE", x=x + 90, y=y)
+    yield STEP
+    yield from solved(driver)
+    print("lag of the drag, pixels:", np.round(lags, 2).tolist())
+    assert np.median(lags) <= 1.0, f"the car is behind the mouse by {np.round(lags, 2).tolist()} pixels"
+
+
 def press(driver, key):
     """Press and release a key where the mouse is."""
     for value in ("PRESS", "RELEASE"):
@@ -210,4 +246,4 @@ def a_corner_in_an_image_editor(driver):
     assert target.position[0] > place[0] and target.position[1] > place[1]
 
 
-SCENARIOS = (a_frame_is_dragged, the_eye_is_turned, a_corner_in_an_image_editor)
+SCENARIOS = (a_frame_is_dragged, a_drag_keeps_up, the_eye_is_turned, a_corner_in_an_image_editor)
