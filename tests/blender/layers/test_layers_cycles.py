@@ -30,6 +30,13 @@ def flexible(camera, preset="perspective"):
     bpy.context.scene.camera = master
 
 
+def select_only(camera):
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+
+
 def collected(name, *objects):
     made = bpy.data.collections.new(name)
     bpy.context.scene.collection.children.link(made)
@@ -246,11 +253,47 @@ def test_a_halo_shows_the_ground_around_as_the_layers_camera_does(scene):
 def test_shadows_of_a_layers_things_fall_on_the_rest(scene):
     new_camera("Side", looking((-6, -5, 5), (40, 0, 0)))
     add("ORDER")
-    # The layer's camera looks away, so that only the shadow is left.
+    # The layer's camera looks away, so that only the shadow is left. F12 needs no rig for an own frustum.
+    select_only(bpy.data.objects["Master"])
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
     image = layered()
-    np.testing.assert_array_equal(image, alone(scene, {"Wall", "Floor"}))
+    bpy.data.objects["Thing"].visible_camera = False
+    scene.render.engine = "CYCLES"
+    np.testing.assert_array_equal(image, f12(scene)["ViewLayer.Combined"])
+    bpy.data.objects["Thing"].visible_camera = True
     bpy.data.objects["Thing"].visible_shadow = False
     assert (layered() - image).max() > 0.2
+
+
+def test_an_own_frustum_alone_needs_no_rig(scene, addon):
+    cycles = addon("cycles.layers")
+
+    def is_ordinary():
+        passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
+        try:
+            return cycles.layer_views.read_views(passing, master).views[0].place is not None
+        finally:
+            passing.remove()
+
+    master = bpy.data.objects["Master"]
+    # Of a preset: its far end is not the camera's.
+    assert not is_ordinary()
+    select_only(master)
+    bpy.ops.scfpf.camera_from_camera()
+    assert is_ordinary()
+    far = master.scfpf.surfaces[-1].object
+    for owner, name, value in (
+        (far, "location", (0.05, 0.0, 0.0)),
+        (master.scfpf, "u_range", (0.0, 0.9)),
+        (master.data, "lens", 51.0),
+        (scene.render, "resolution_x", 2 * WIDTH),
+    ):
+        before = getattr(owner, name)
+        before = tuple(before) if isinstance(value, tuple) else before
+        setattr(owner, name, value)
+        assert not is_ordinary()
+        setattr(owner, name, before)
+        assert is_ordinary()
 
 
 def state(scene):
