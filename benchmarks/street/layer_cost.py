@@ -30,7 +30,7 @@ SHARE, HALO = 0.2, 0.12
 # The most that a picture with the layer may take, as a multiple of the one without.
 GOALS = {"engine": 1.3, "cycles": 1.5}
 # Images are this share of their size, with so many samples. Turns of each picture.
-PERCENTAGE, SAMPLES, RUNS = 40, 32, 3
+PERCENTAGE, SAMPLES, RUNS = 40, 16, 3
 
 
 def from_the_side():
