@@ -92,9 +92,9 @@ def collected(name: str, *objects) -> None:
         made.objects.link(bpy.data.objects[each])
 
 
-def opened(module: str, panel: str) -> None:
+def opened(panel: str) -> None:
     """Let a panel be open that is closed at first."""
-    kind = getattr(sys.modules[module], panel)
+    kind = getattr(bpy.types, panel)
     bpy.utils.unregister_class(kind)
     kind.bl_options = set()
     bpy.utils.register_class(kind)
@@ -118,8 +118,7 @@ def lists(driver):
     with driver.override():
         bpy.ops.scfpf.blend_map(kind="LINEAR")
         bpy.ops.scfpf.blend_map(kind="RADIAL", number=3)
-    package = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
-    opened(f"{package}.panels.layers", "SCFPF_PT_data_layers")
+    opened("SCFPF_PT_data_layers")
     large, small = driver.area("VIEW_3D"), driver.area("PROPERTIES")
     large.type, small.type = "PROPERTIES", "VIEW_3D"
     yield DRAW
