@@ -100,6 +100,14 @@ def opened(panel: str) -> None:
     bpy.utils.register_class(kind)
 
 
+def scrolled(driver):
+    """Generator: scroll the Data tab past Blender's own panels."""
+    for _ in range(13):
+        with driver.override("PROPERTIES"):
+            bpy.ops.view2d.scroll_down()
+    yield DRAW
+
+
 def lists(driver):
     """The further cameras of a blend and the layers, in a Data tab that has room for both."""
     build_scene(percentage=20)
@@ -124,6 +132,7 @@ def lists(driver):
     yield DRAW
     large.spaces.active.context = "DATA"
     yield DRAW
+    yield from scrolled(driver)
     driver.shot("blend")
     before = driver.region_pixels("PROPERTIES")
     with driver.override():
@@ -139,6 +148,7 @@ def lists(driver):
         with driver.override():
             bpy.ops.scfpf.layer_add(camera=cameras[0].name, collection=name, front="ORDER")
     yield DRAW
+    yield from scrolled(driver)
     driver.shot("unchecked")
     before = driver.region_pixels("PROPERTIES")
     with driver.override():
