@@ -92,6 +92,7 @@ def seconds_alone(engine: str, eye, path: str) -> tuple[float, float]:
         select_only(eye)
         bpy.ops.scfpf.camera_from_camera()
         bpy.context.view_layer.update()
+    eye.scfpf.samples = SAMPLES
     before, scene.camera = scene.camera, eye
     select_only(eye)
     started = process_time()
@@ -155,8 +156,8 @@ def measure(title: str, make, runs: int, folder: Path) -> None:
             missed = ", MISSED" if found.layered > goal else ""
             about = " with its halo" if halo else ""
             print(
-                f"{title}{about}, {share:.0%}: {engine} {found.layered:.2f} × (goal {goal:g}{missed}); its camera "
-                f"alone 1 + {share:.2f} · {found.alone:.2f} = {1 + share * found.alone:.2f} ×, "
+                f"{title}{about}, {share:.0%}: {engine} {found.layered:.2f} × (goal {goal:g}{missed}); "
+                f"its camera alone 1 + {share:.2f} · {found.alone:.2f} = {1 + share * found.alone:.2f} ×, "
                 f"making its rig {found.rig:.2f}",
                 flush=True,
             )

@@ -153,6 +153,9 @@ def lists(driver):
     before = driver.region_pixels("PROPERTIES")
     with driver.override():
         assert bpy.ops.scfpf.layer_check(camera=cameras[0].name) == {"FINISHED"}
+    # The picture is made small in a thread, and the panel grows.
+    yield 4 * DRAW
+    driver.area("PROPERTIES").tag_redraw()
     yield DRAW
     driver.shot("layers")
     assert differing(before, driver.region_pixels("PROPERTIES")) > 10_000, "no picture of the layers"

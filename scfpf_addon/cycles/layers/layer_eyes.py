@@ -38,8 +38,8 @@ class View(NamedTuple):
     """A view of an image with layers: that of the image itself, or of a layer.
 
     camera: its session id. frame: the place of its picture in the image. projection: what the image shows
-    through it, world space. place: (4, 4), without scale, of a camera that Cycles has itself: an ordinary one, or
-    a flexible one whose volume is its own frustum. None for others.
+    through it, world space. place: (4, 4), without scale, of a camera that Cycles has itself: an ordinary
+    one, or a flexible one whose volume is its own frustum. None for others.
     """
 
     camera: int
