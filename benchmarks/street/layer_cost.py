@@ -5,7 +5,9 @@
 
 The car is shown by an ordinary camera from its side, and unfolded by a volume, without and with a halo of
 ground; its layer is made as large as SHARE of the picture. Each picture is rendered without and with the
-layer by turns, by the engine and by Cycles. The median of the ratios of processor time counts.
+layer by turns, by the engine and by Cycles, and the whole picture by the layer's camera alone: its time
+times the layer's share is the camera's own price, without which no layer can be. The median of the ratios of
+processor time counts. A rig that Cycles needs is made anew for each picture with the layer.
 """
 
 from __future__ import annotations
@@ -16,18 +18,19 @@ import sys
 import tempfile
 from pathlib import Path
 from time import process_time
+from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from demo import render_demo
-from demo.recipes.layer_pictures import SIZE, add_camera, add_layer, both_sides
+from demo.recipes.layer_pictures import SIZE, add_camera, add_layer, both_sides, select_only
 
 # The share of the picture that shows the layer, and the width of the halo about it.
 SHARE, HALO = 0.2, 0.12
 # The most that a picture with the layer may take, as a multiple of the one without.
 GOALS = {"engine": 1.3, "cycles": 1.5}
 # Images are this share of their size, with so many samples. Turns of each picture.
-PERCENTAGE, SAMPLES, RUNS = 40, 8, 5
+PERCENTAGE, SAMPLES, RUNS = 40, 16, 3
 
 
 def from_the_side():
@@ -66,7 +69,7 @@ def seconds(engine: str, camera, path: str) -> float:
     started = process_time()
     if engine == "engine":
         done = bpy.ops.scfpf.render(camera=camera.name)
-    elif camera.scfpf.layers[0].is_on:
+    elif any(layer.is_on for layer in camera.scfpf.layers):
         done = bpy.ops.scfpf.layers_render(camera=camera.name, filepath=path)
     else:
         # An image that is not written may not be rendered.
@@ -77,16 +80,56 @@ def seconds(engine: str, camera, path: str) -> float:
     return process_time() - started
 
 
-def ratio(engine: str, camera, path: str, runs: int) -> float:
-    """The median of the ratios with and without the layer."""
+def seconds_alone(engine: str, eye, path: str) -> tuple[float, float]:
+    """Processor seconds of the whole picture by a layer's camera, and of making the rig that Cycles needs."""
+    import bpy
+
+    scene, needs_rig = bpy.context.scene, engine == "cycles" and eye.scfpf.enabled
+    if engine == "engine" and not eye.scfpf.enabled:
+        # Of an ordinary camera, a copy.
+        eye = eye.copy()
+        scene.collection.objects.link(eye)
+        select_only(eye)
+        bpy.ops.scfpf.camera_from_camera()
+        bpy.context.view_layer.update()
+    eye.scfpf.samples = SAMPLES
+    before, scene.camera = scene.camera, eye
+    select_only(eye)
+    started = process_time()
+    if needs_rig:
+        bpy.ops.scfpf.cycles_rig()
+    made = process_time() - started
+    rendered = seconds(engine, eye, path)
+    if needs_rig:
+        bpy.ops.scfpf.cycles_rig()
+    scene.camera = before
+    return rendered, made
+
+
+class Price(NamedTuple):
+    """Medians of processor times, as multiples of the picture without the layer.
+
+    layered: with it. alone: of the whole picture by its camera. rig: of making that camera's rig.
+    """
+
+    layered: float
+    alone: float
+    rig: float
+
+
+def price(engine: str, camera, path: str, runs: int) -> Price:
+    """Render the pictures by turns."""
     (layer,) = camera.scfpf.layers
     found = []
+    # What is read once is not the layer's price.
+    seconds(engine, camera, path)
     for _ in range(runs):
         layer.is_on = False
         without = seconds(engine, camera, path)
+        alone = seconds_alone(engine, layer.camera, path)
         layer.is_on = True
-        found.append(seconds(engine, camera, path) / without)
-    return statistics.median(found)
+        found.append([part / without for part in (seconds(engine, camera, path), *alone)])
+    return Price(*(statistics.median(each) for each in zip(*found, strict=True)))
 
 
 def measure(title: str, make, runs: int, folder: Path) -> None:
@@ -97,6 +140,9 @@ def measure(title: str, make, runs: int, folder: Path) -> None:
     bpy.context.window.scene = scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.resolution_percentage = PERCENTAGE
+    # Its own frustum in this size.
+    select_only(scene.camera)
+    bpy.ops.scfpf.camera_from_camera()
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.samples = scene.camera.scfpf.samples = SAMPLES
     (layer,) = scene.camera.scfpf.layers
@@ -106,10 +152,15 @@ def measure(title: str, make, runs: int, folder: Path) -> None:
         layer.halo = halo
         for engine, goal in GOALS.items():
             scene.render.engine = "CYCLES" if engine == "cycles" else "SCFPF"
-            found = ratio(engine, scene.camera, str(folder / "layers.png"), runs)
-            missed = ", MISSED" if found > goal else ""
+            found = price(engine, scene.camera, str(folder / "layers.png"), runs)
+            missed = ", MISSED" if found.layered > goal else ""
             about = " with its halo" if halo else ""
-            print(f"{title}{about}, {share:.0%}: {engine} {found:.2f} × (goal {goal:g}{missed})", flush=True)
+            print(
+                f"{title}{about}, {share:.0%}: {engine} {found.layered:.2f} × (goal {goal:g}{missed}); "
+                f"its camera alone 1 + {share:.2f} · {found.alone:.2f} = {1 + share * found.alone:.2f} ×, "
+                f"making its rig {found.rig:.2f}",
+                flush=True,
+            )
 
 
 def main() -> None:

@@ -84,4 +84,81 @@ def presets(driver):
         assert tuple(bpy.data.images[IMAGE].size) == (192, 108) and driver.pixels().max() > 0
 
 
-SCENARIOS = (panels, presets)
+def collected(name: str, *objects) -> None:
+    """A collection with some objects of the scene."""
+    made = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(made)
+    for each in objects:
+        made.objects.link(bpy.data.objects[each])
+
+
+def opened(panel: str) -> None:
+    """Let a panel be open that is closed at first."""
+    kind = getattr(bpy.types, panel)
+    bpy.utils.unregister_class(kind)
+    kind.bl_options = set()
+    bpy.utils.register_class(kind)
+
+
+def scrolled(driver):
+    """Generator: scroll the Data tab past Blender's own panels."""
+    for _ in range(13):
+        with driver.override("PROPERTIES"):
+            bpy.ops.view2d.scroll_down()
+    yield DRAW
+
+
+def lists(driver):
+    """The further cameras of a blend and the layers, in a Data tab that has room for both."""
+    build_scene(percentage=20)
+    cameras = []
+    for turn in (0.0, 0.1, -0.1):
+        driver.add_camera("perspective")
+        cameras.append(bpy.context.object)
+        cameras[-1].rotation_euler.z += turn
+    for camera in cameras:
+        camera.select_set(True)
+    with driver.override():
+        bpy.context.view_layer.objects.active = cameras[1]
+        assert bpy.ops.scfpf.camera_blend() == {"FINISHED"}
+    blend = bpy.context.object
+    assert [end.camera for end in blend.scfpf.blend_more] == cameras[2:]
+    with driver.override():
+        bpy.ops.scfpf.blend_map(kind="LINEAR")
+        bpy.ops.scfpf.blend_map(kind="RADIAL", number=3)
+    opened("SCFPF_PT_data_layers")
+    large, small = driver.area("VIEW_3D"), driver.area("PROPERTIES")
+    large.type, small.type = "PROPERTIES", "VIEW_3D"
+    yield DRAW
+    large.spaces.active.context = "DATA"
+    yield DRAW
+    yield from scrolled(driver)
+    driver.shot("blend")
+    before = driver.region_pixels("PROPERTIES")
+    with driver.override():
+        assert bpy.ops.scfpf.blend_camera_remove() == {"FINISHED"}
+    yield DRAW
+    now = driver.region_pixels("PROPERTIES")
+    assert differing(before, now) > 1000, "the list does not show that a camera is gone"
+    collected("Monkeys", "Suzanne", "Suzanne.001", "Suzanne.002")
+    collected("Box", "Cube")
+    bpy.context.scene.camera = cameras[0]
+    bpy.context.view_layer.objects.active = cameras[0]
+    for name in ("Monkeys", "Box"):
+        with driver.override():
+            bpy.ops.scfpf.layer_add(camera=cameras[0].name, collection=name, front="ORDER")
+    yield DRAW
+    yield from scrolled(driver)
+    driver.shot("unchecked")
+    before = driver.region_pixels("PROPERTIES")
+    with driver.override():
+        assert bpy.ops.scfpf.layer_check(camera=cameras[0].name) == {"FINISHED"}
+    # The picture is made small in a thread, and the panel grows.
+    yield 4 * DRAW
+    driver.area("PROPERTIES").tag_redraw()
+    yield DRAW
+    driver.shot("layers")
+    assert differing(before, driver.region_pixels("PROPERTIES")) > 10_000, "no picture of the layers"
+
+
+SCENARIOS = (panels, presets, lists)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,10 @@ from ...projection.template_error import TemplateError
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ..blender.scene_objects import missing_text
+
+# The corners of an image, and how far rounding moves a surface's, as a share of its largest coordinate.
+CORNERS = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
+ROUNDED = 2.0**-21
 
 
 class FrustumError(TemplateError):
@@ -71,6 +76,25 @@ def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
         for end in frustum(camera, depsgraph.scene_eval)
     )
     return Projection(ViewingVolume((near, far)), aspect=aspect)
+
+
+def is_own_frustum(projection: Projection, camera, depsgraph) -> bool:
+    """Return whether a projection, world space, is what an evaluated camera sees as an ordinary one.
+
+    Corners count as equal that are rounded to float32.
+    """
+    try:
+        own = frustum_projection(camera, depsgraph, projection.aspect)
+    except FrustumError:
+        return False
+    surfaces = projection.volume.surfaces
+    if replace(projection, volume=own.volume, layers=()) != own or len(surfaces) != 2:
+        return False
+    if not all(isinstance(surface, Plane) for surface in surfaces):
+        return False
+    points, expected = (each.projectors(*CORNERS).points for each in (projection, own))
+    size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    return bool((np.abs(points - expected) <= ROUNDED * size).all())
 
 
 def depth_plane(place: Array) -> Array:

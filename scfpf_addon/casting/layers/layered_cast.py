@@ -74,7 +74,9 @@ class LayeredCast:
         layer, part = self.projection.layers[number - 1], self.parts.parts[number - 1]
         met = np.zeros(len(x), bool)
         if part is not None:
-            shown = np.flatnonzero(layer.shown_at(x, y))
+            # The frame of the layer's picture first: projectors cost more.
+            image = layer.projection.reparameterisation.points(x, y, layer.projection.aspect)
+            shown = np.flatnonzero(layer.shown_at(x, y) & image.mask)
             around = layer.halo if part.has_surroundings else 0.0
             met[shown] = part.hull.may_be_met(layer.projection, x[shown], y[shown], around)
         return met

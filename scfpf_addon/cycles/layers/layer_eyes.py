@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cameras that see the layers in a passing scene: a rig for a flexible one, a copy of an ordinary one.
+"""The cameras that see the layers in a passing scene: a rig for a flexible one, or a copy of an ordinary one.
 
 All of them make the whole image, in which the picture of a layer has its place and size: their pixels are
 those of the image.
@@ -38,7 +38,8 @@ class View(NamedTuple):
     """A view of an image with layers: that of the image itself, or of a layer.
 
     camera: its session id. frame: the place of its picture in the image. projection: what the image shows
-    through it, world space. place: (4, 4) of an ordinary camera, without scale; None for a flexible one.
+    through it, world space. place: (4, 4), without scale, of a camera that Cycles has itself: an ordinary
+    one, or a flexible one whose volume is its own frustum. None for others.
     """
 
     camera: int
@@ -61,7 +62,7 @@ def seen_through(passing: PassingScene, view: View) -> Iterator[list[str]]:
     camera = object_by_uid(view.camera)
     if camera is None or passing.scene is None:
         raise RigError(GONE)
-    kind = _rigged if camera.scfpf.enabled else _copied
+    kind = _rigged if view.place is None else _copied
     with kind(passing, camera, view) as found:
         yield found
 
@@ -71,9 +72,12 @@ def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
     made = None
     try:
         with passing.shaped(view.frame.size[0] / view.frame.size[1]):
-            rig = _new_rig(passing.scene, camera, view)
+            chords = _plan(passing.scene, camera, view)
+            rig = make_rig(passing.scene, camera, chords, passing=True)
             made = rig.session_uid
-            write_skipping(rig, _plan(passing.scene, camera, view))
+            hidden_surfaces.forget()
+            hidden_surfaces.hide_surfaces(True)
+            write_skipping(rig, chords)
         _place(rig, view.frame)
         yield cautions(passing.scene, passing.scene.view_layers[0], rig)
     finally:
@@ -85,6 +89,8 @@ def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
 
 
 def _plan(scene, camera, view: View) -> ChordPlan:
+    check(scene, camera)
+    check_surfaces(camera)
     size = tuple(
         max(1, round(n * share)) for n, share in zip(image_size(scene), view.frame.size, strict=True)
     )
@@ -93,16 +99,6 @@ def _plan(scene, camera, view: View) -> ChordPlan:
         return plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
     except PlanError as error:
         raise RigError("{0}", error) from error
-
-
-def _new_rig(scene, camera, view: View):
-    check(scene, camera)
-    check_surfaces(camera)
-    chords = _plan(scene, camera, view)
-    rig = make_rig(scene, camera, chords, passing=True)
-    hidden_surfaces.forget()
-    hidden_surfaces.hide_surfaces(True)
-    return rig
 
 
 def _place(rig, frame: Framed) -> None:
@@ -124,7 +120,8 @@ def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
     try:
         lens.animation_data_clear()
         passing.scene.collection.objects.link(eye)
-        _aim_lens(lens, view)
+        if view.frame != Framed():
+            _aim_lens(lens, view)
         passing.scene.camera = eye
         del eye, lens, before, camera
         yield []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...bridge.camera.ordinary_camera import placement
+from ...bridge.camera.ordinary_camera import is_own_frustum, placement
 from ...bridge.layers.read_image_layers import ReadLayers, read_image_layers
 from ...bridge.render.image_size import shown_aspect
 from ...bridge.render.render_inputs import read_view, ready_size
@@ -16,7 +16,9 @@ from ...casting.common.parallel import chunks, parallel_map
 from ...casting.layers.layer_parts import Box, Hull
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.reparameterisation import Framed
+from ...projection.volume.viewing_volume import Projection
 from ...shading.settings.frame_settings import Border
+from ..rig_data import rigs
 from .layer_eyes import View
 from .layer_things import FoundThings, find_things
 from .passing_scene import PassingScene
@@ -113,12 +115,24 @@ def read_views(passing: PassingScene, camera) -> ReadViews:
     )
 
 
+def _own_place(camera, depsgraph, seen: Projection) -> Array | None:
+    """The place of a flexible camera whose picture F12 makes without a rig; None for others.
+
+    seen: its projection. A rig of its own, the shutter and the lens keep it flexible.
+    """
+    scene, evaluated = depsgraph.scene_eval, camera.evaluated_get(depsgraph)
+    is_plain = not (scene.render.use_motion_blur or camera.data.dof.use_dof)
+    if not is_plain or any(rig.scfpf_rig.camera == camera for rig in rigs()):
+        return None
+    return placement(evaluated) if is_own_frustum(seen, evaluated, depsgraph) else None
+
+
 def _read(depsgraph, camera, size: tuple[int, int]) -> ReadViews:
     scene = depsgraph.scene_eval
     aspect = shown_aspect(scene.render, *size)
     layers = read_image_layers(camera, depsgraph, aspect)
-    views = [View(camera.session_uid, Framed(), read_view(depsgraph, camera, aspect), None)]
-    lenses = [camera.data.dof.use_dof]
+    lenses, seen = [camera.data.dof.use_dof], read_view(depsgraph, camera, aspect)
+    views = [View(camera.session_uid, Framed(), seen, _own_place(camera, depsgraph, seen))]
     own = {each.camera.session_uid: each.camera for each in camera.scfpf.layers if each.camera is not None}
     for layer, uid, frame in zip(layers.layers, layers.cameras, layers.frames, strict=True):
         eye = own[uid].evaluated_get(depsgraph)

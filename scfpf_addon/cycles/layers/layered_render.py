@@ -46,23 +46,28 @@ class LayeredRender:
         self._passing.add_groups(read.layers.members, len(read.views))
         found = {number: read.window(number) for number in range(1, len(read.views))}
         windows = {number: window for number, window in found.items() if window is not None}
-        compared = [w for number, w in windows.items() if read.layers.layers[number - 1].front != "ORDER"]
+        fronts = {number: read.layers.layers[number - 1].front for number in windows}
         renders = [3 if layer.halo > 0.0 else 1 + (layer.front == "DEPTH") for layer in read.layers.layers]
-        self.total = 1 + bool(compared) + sum(renders[number - 1] for number in windows)
-        self._passing.show((0,))
-        with seen_through(self._passing, read.views[0]) as cautions:
-            self._caution(cautions)
-            rest = yield from self._rest(read, around(compared) if compared else None)
-        shown = []
+        is_compared = any(front != "ORDER" for front in fronts.values())
+        self.total = 1 + is_compared + sum(renders[number - 1] for number in windows)
+        shown: dict[int, ShownPixels] = {}
         for number, window in windows.items():
             # Rays skip chords in which nothing is that any of the layer's renders shows.
             has_halo = read.layers.layers[number - 1].halo > 0.0
             self._passing.show(*(((0, number), read.beyond(number)) if has_halo else ((number,),)))
             with seen_through(self._passing, read.views[number]) as cautions:
                 self._caution(cautions)
-                shown.append((yield from self._layer(read, number, window)))
+                pixels = yield from self._layer(read, number, window)
+            if pixels is not None:
+                shown[number] = pixels
+        # Last, as its distances matter only where layers are seen.
+        compared = [pixels.window for number, pixels in shown.items() if fronts[number] != "ORDER"]
+        self._passing.show((0,))
+        with seen_through(self._passing, read.views[0]) as cautions:
+            self._caution(cautions)
+            rest = yield from self._rest(read, around(compared) if compared else None)
         if shown:
-            join_into(rest, shown)
+            join_into(rest, [*shown.values()])
         self.pixels = rest.color
 
     def _caution(self, texts: list[str]) -> None:
@@ -77,33 +82,52 @@ class LayeredRender:
             keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
         return ShownPixels(whole, color, compared or Border(0, 0, 1, 1), keys)
 
-    def _layer(self, read: ReadViews, number: int, window: Border) -> Generator[str, None, ShownPixels]:
-        """Render a layer. window: the pixels in which it may be seen."""
+    def _layer(
+        self, read: ReadViews, number: int, window: Border
+    ) -> Generator[str, None, ShownPixels | None]:
+        """Render a layer; None if nothing of it is seen. window: the pixels in which it may be seen."""
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}'"
-        box, keys = read.box(number), None
+        box, known = read.box(number), None
         self._passing.show((number,))
         color = yield from self._colors(name, window, read, is_layer=True)
-        if layer.front == "DEPTH":
-            keys = self._keys(read, number, *(yield from self._places(name, window, read)))
+        own = within(color[..., 3] > 0.0, window)
+        if layer.front == "DEPTH" and own is not None:
+            keys = self._keys(read, number, *(yield from self._places(name, own, read)))
+            known = ShownPixels(own, color[slices(own, window)], own, keys)
+        near = None
         if layer.halo > 0.0:
-            name = f"{name}, its halo"
-            self._passing.show((0, number), read.beyond(number), held_out=number)
-            place, is_seen = yield from self._places(name, window, read)
-            distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
-            nearness = is_seen * layer.halo_share(distance)
-            share, is_near = halo_share(is_seen, nearness), nearness > 0.0
-            if keys is not None:
-                keys = np.where(is_near, self._keys(read, number, place, is_near), keys)
-            if (part := within(share > 0.0, window)) is not None:
-                self._passing.show((0, number), read.beyond(number))
-                near = yield from self._colors(name, part, read, is_layer=True)
-                own = slices(part, window)
-                color[own] += (near - color[own]) * share[own][..., None]
+            near = yield from self._halo(read, number, window, color)
+        if (seen := within(color[..., 3] > 0.0, window)) is None:
+            return None
+        color = color[slices(seen, window)]
+        keys = np.full((1, *color.shape[:2]), np.inf)
+        if known is not None:
+            keys = known.part(seen, len(known.keys))[1].reshape(-1, *color.shape[:2])
+        if near is not None and layer.front == "DEPTH":
+            near = near[(slice(None), *slices(seen, window))]
+            keys = np.where(np.isfinite(near), near, keys)
         # Where no place meets anything opaque the middle of the things has to do.
         middle = np.broadcast_to(box.middle[:, None, None, None], (3, 1, *color.shape[:2]))
         nearest = self._keys(read, number, middle, color[None, ..., 3] > 0.0)
-        keys = nearest if keys is None else np.where(np.isfinite(keys).any(axis=0), keys, nearest)
-        return ShownPixels(window, color * cover(layer, read.size, window)[..., None], window, keys)
+        keys = np.where(np.isfinite(keys).any(axis=0), keys, nearest)
+        return ShownPixels(seen, color * cover(layer, read.size, seen)[..., None], seen, keys)
+
+    def _halo(
+        self, read: ReadViews, number: int, window: Border, color: Single
+    ) -> Generator[str, None, Array]:
+        """Render the halo of a layer into its colours (H, W, 4); returns its keys (S, H, W)."""
+        layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}', its halo"
+        self._passing.show((0, number), read.beyond(number), held_out=number)
+        place, is_seen = yield from self._places(name, window, read)
+        distance = read.box(number).distance(place.reshape(3, -1)).reshape(is_seen.shape)
+        nearness = is_seen * layer.halo_share(distance)
+        share, is_near = halo_share(is_seen, nearness), nearness > 0.0
+        if (part := within(share > 0.0, window)) is not None:
+            self._passing.show((0, number), read.beyond(number))
+            near = yield from self._colors(name, part, read, is_layer=True)
+            own = slices(part, window)
+            color[own] += (near - color[own]) * share[own][..., None]
+        return self._keys(read, number, place, is_near)
 
     def _colors(
         self, name: str, window: Border, read: ReadViews, is_layer: bool

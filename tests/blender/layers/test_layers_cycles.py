@@ -9,6 +9,8 @@ from mathutils import Matrix, Vector
 from rig_scenes import keep_groups
 
 WIDTH, HEIGHT = 48, 32
+# Marks a flexible camera whose volume is its own frustum, which F12 shows without a rig.
+OWN = "own frustum"
 
 
 def looking(place, at=(0, 0, 0)):
@@ -27,7 +29,15 @@ def flexible(camera, preset="perspective"):
     master = bpy.context.scene.camera
     bpy.context.view_layer.objects.active = camera
     assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+    camera.pop(OWN, None)
     bpy.context.scene.camera = master
+
+
+def select_only(camera):
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
 
 
 def collected(name, *objects):
@@ -62,8 +72,10 @@ def scene(engine_scene):
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = WIDTH, HEIGHT
     camera = engine_scene.camera
     camera.name = "Master"
-    flexible(camera)
     camera.matrix_world = looking((0, -9, 2))
+    select_only(camera)
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    camera[OWN] = True
     cycles = engine_scene.cycles
     cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling, cycles.seed = 16, False, False, 7
     keep_groups()
@@ -105,14 +117,15 @@ def passes_alone(scene, names, camera, transparent):
     bpy.context.view_layer.objects.active = seer
     for obj in things(scene):
         obj.visible_camera = obj.name in names
-    if seer.scfpf.enabled:
+    has_rig = seer.scfpf.enabled and OWN not in seer
+    if has_rig:
         assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     else:
         scene.camera, scene.render.engine = seer, "CYCLES"
     scene.render.film_transparent = transparent
     image = f12(scene)
     scene.render.film_transparent = False
-    if seer.scfpf.enabled:
+    if has_rig:
         assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     scene.camera, scene.render.engine = before
     for obj in things(scene):
@@ -121,6 +134,8 @@ def passes_alone(scene, names, camera, transparent):
 
 
 def test_a_layer_seen_by_the_cameras_own_twin_is_the_plain_render(scene):
+    flexible(bpy.data.objects["Master"])
+    bpy.data.objects["Master"].matrix_world = looking((0, -9, 2))
     # Not on the floor: what a thing stands on and hides mixes with it at its outline.
     bpy.data.objects["Thing"].location.z = 0.6
     whole = alone(scene, {"Thing", "Wall", "Floor"})
@@ -256,6 +271,33 @@ def test_shadows_of_a_layers_things_fall_on_the_rest(scene):
     np.testing.assert_array_equal(image, alone(scene, {"Wall", "Floor"}))
     bpy.data.objects["Thing"].visible_shadow = False
     assert (layered() - image).max() > 0.2
+
+
+def test_an_own_frustum_alone_needs_no_rig(scene, addon):
+    cycles = addon("cycles.layers")
+
+    def is_ordinary():
+        passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
+        try:
+            return cycles.layer_views.read_views(passing, master).views[0].place is not None
+        finally:
+            passing.remove()
+
+    master = bpy.data.objects["Master"]
+    assert is_ordinary()
+    far = master.scfpf.surfaces[-1].object
+    for owner, name, value in (
+        (far, "location", (0.05, 0.0, 0.0)),
+        (master.scfpf, "u_range", (0.0, 0.9)),
+        (master.data, "lens", 51.0),
+        (scene.render, "resolution_x", 2 * WIDTH),
+    ):
+        before = getattr(owner, name)
+        before = tuple(before) if isinstance(value, tuple) else before
+        setattr(owner, name, value)
+        assert not is_ordinary()
+        setattr(owner, name, before)
+        assert is_ordinary()
 
 
 def state(scene):
