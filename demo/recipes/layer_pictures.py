@@ -48,6 +48,8 @@ def both_sides():
     from demo import render_demo
 
     scene = render_demo.build_street()
+    # A picture with layers has the shape that its image has now.
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.camera = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 3.2), 28.0)
     eye = add_camera(scene, "Around the Car", (0.0, -10.0, 1.0), (0.0, 0.0, 1.0))
     presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.presets.preset")
@@ -59,7 +61,7 @@ def both_sides():
     layer = add_layer(scene.camera, "Car", eye, front="ORDER", halo=0.12)
     width = 0.78
     layer.size = width, width * SIZE[0] / SIZE[1] / (preset.aspect * (high - low))
-    layer.position = 0.5, 0.27
+    layer.position = 0.5, 0.235
     bpy.context.view_layer.update()
     return scene
 

@@ -8,6 +8,8 @@ import numpy as np
 from ..recipes.layer_pictures import add_camera, add_layer
 from .walk import walk
 
+# The image's pixels.
+IMAGE = (1920, 960)
 # The layer's shares of the image's width, beyond its borders, and height, and where the layer's middle is.
 SIZE, POSITION = (1.04, 0.50), (0.5, 0.24)
 # Half the width that the layer shows, in widths of things, and its lowest and highest point.
@@ -31,7 +33,9 @@ def evening_car():
     from .street_film import camera_of
 
     scene = render_demo.build_street()
-    street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 3.2), 28.0)
+    # A picture with layers has the shape that its image has now.
+    scene.render.resolution_x, scene.render.resolution_y = IMAGE
+    street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 3.2), 27.0)
     heights, across = np.linspace(LOW, HIGH, ROWS), np.linspace(-1, 1, COLUMNS)
     along = HALF * across * (FRONT + (1 - FRONT) * across**2)
     turns = np.full(ROWS, np.radians(TURN))
