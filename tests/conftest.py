@@ -19,6 +19,16 @@ TESTS = pathlib.Path(__file__).parent
 # Files and folders whose tests get the mark "once": they take long, and what they show is mathematics, or
 # the code itself, not a Blender's, Python's or NumPy's. Quick tests of the same modules run on all.
 ONCE = (
+    "blender/aim/test_solving.py",
+    "blender/aim/test_verdict.py",
+    "blender/cycles/test_cycles_skipping.py",
+    "blender/cycles/test_street_portals.py",
+    "blender/interface/test_languages.py",
+    "blender/whole/test_compositions.py",
+    "blender/whole/test_gallery.py",
+    "blender/whole/test_gallery_figures.py",
+    "blender/whole/test_real_benchmarks.py",
+    "blender/whole/test_recipes.py",
     "casting/aim",
     "casting/cells/test_occupied_chords.py",
     "casting/exact/test_b_spline_projectors.py",

@@ -23,6 +23,7 @@ sys.path.insert(0, str(ROOT))
 from demo.recipes.jobs import RECIPES  # noqa: E402
 from demo.recipes.steps import Recipe, add, place, prepare, render  # noqa: E402
 from demo.render_demo import enable_add_on, open_on, scratch_profile  # noqa: E402
+from demo.showpieces.evening_car import IMAGE  # noqa: E402
 
 FOLDER, OUTPUT = ROOT / "docs" / "showpieces", ROOT / "demo" / "output" / "showpieces"
 QUALITY = 88
@@ -148,11 +149,11 @@ def _evening_car() -> Recipe:
 
 
 PIECES = {
-    "bust": Piece(_bust(), (1200, 1872), lambda scene: None),
+    "bust": Piece(_bust(), (1231, 1920), lambda scene: None),
     "impossible-street": Piece(_impossible(), (1920, 960), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
-    "evening-car": Piece(_evening_car(), (1920, 960), evening),
+    "evening-car": Piece(_evening_car(), IMAGE, evening),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 

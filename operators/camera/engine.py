@@ -11,6 +11,7 @@ from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import f12_warning
 from ..common.target import flexible_camera_of, poll_scene
+from ..common.words import told
 
 # Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
@@ -78,7 +79,7 @@ def _render_begins(scene, *_) -> None:
     if bpy.app.background:
         print(f"SCFPF: warning: {message}", file=sys.stderr)
     else:
-        _waiting.append(message)
+        _waiting.append(told(message))
 
 
 def _look() -> float:

@@ -44,7 +44,9 @@ def f12_warning(scene) -> str:
     camera = ignored_camera(scene)
     if camera is None:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
-    return (
-        f"{engine_name(scene)} ignores the volume of '{camera.name}': choose SCFPF as render engine, "
-        "or press Cycles in the camera's panel"
+    return Message(
+        "{0} ignores the volume of '{1}': choose SCFPF as render engine, "
+        "or press Cycles in the camera's panel",
+        engine_name(scene),
+        camera.name,
     )

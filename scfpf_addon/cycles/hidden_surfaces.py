@@ -59,6 +59,12 @@ def seen_surfaces(scene) -> list[str]:
     )
 
 
+def has_rendered(scene) -> bool:
+    """Return whether a scene has a control surface that cameras without a rig see when it is rendered."""
+    surfaces = _surfaces(bpy.data.objects).values()
+    return any(_may_be_rendered(surface) and holds(scene.objects, surface) for surface in surfaces)
+
+
 def hidden_from_rigs() -> set:
     """The control surfaces that no ray of a rig meets."""
     return {

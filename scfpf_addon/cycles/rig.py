@@ -17,7 +17,7 @@ from ..bridge.blender import versions
 from ..bridge.blender.app_handlers import add_handlers, remove_handlers
 from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.image_size import image_size
-from ..bridge.render.render_errors import RenderError
+from ..bridge.render.render_errors import RenderError, told
 from ..bridge.sync.handlers import sync as sync_volumes
 from ..projection.template_error import Message
 from ..projection.volume.viewing_volume import Projection
@@ -188,7 +188,7 @@ def _follow(rig, depsgraph) -> None:
         _note_materials(rig)
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError, RigError) as error:
-        problem = str(error)
+        problem = told(error)
     _note_values(settings, problem=problem)
 
 
@@ -291,7 +291,7 @@ def _renew_table(rig) -> None:
         try:
             update_nodes(rig)
         except RigError as error:
-            rig.scfpf_rig.problem = str(error)
+            rig.scfpf_rig.problem = told(error)
 
 
 @persistent

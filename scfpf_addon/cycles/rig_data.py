@@ -18,7 +18,7 @@ from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
 from ..projection.presets.preset import MAXIMUM_SURFACES
-from ..projection.template_error import TemplateError
+from ..projection.template_error import Message, TemplateError
 from ..projection.typing import Array
 from ..scanline.generated_collection import (
     follow_image_size,
@@ -77,7 +77,7 @@ def is_whole(rig) -> bool:
 
 def check(scene, camera) -> None:
     """Raise RigError if a camera cannot have a rig in a scene."""
-    if problem := linked_text(scene, camera, "render it there"):
+    if problem := linked_text(scene, camera, Message("render it there")):
         raise RigError(problem)
     require_cycles(scene)
 

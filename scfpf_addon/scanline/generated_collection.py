@@ -35,9 +35,9 @@ def linked_text(scene, camera, remedy: str) -> str:
     remedy: for a scene from another file.
     """
     if not scene.is_editable:
-        return f"The scene is linked from another file: {remedy}"
+        return Message("The scene is linked from another file: {0}", remedy)
     if not camera.is_editable:
-        return f"'{camera.name}' is linked from another file: make a library override of it first"
+        return Message("'{0}' is linked from another file: make a library override of it first", camera.name)
     return absent_text(camera, scene, Message("choose another camera"))
 
 

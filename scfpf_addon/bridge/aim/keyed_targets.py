@@ -17,7 +17,9 @@ import numpy as np
 
 from ...projection.aim.start import projection_of
 from ...projection.surfaces.nurbs import NurbsPatch
+from ...projection.template_error import Message
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
+from ..render.render_errors import told
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .read_problem import read_inputs
 from .solve_targets import Solution, camera_again, judge_of, judged, solution_of, solving
@@ -91,7 +93,9 @@ def solving_animation(camera, context) -> Steps:
     worst = max(float(solution.judgement.pixels.max()) for solution in solutions)
     aim = camera.scfpf.aim
     aim.between, aim.is_solved = between, True
-    aim.message = f"{len(frames)} keys, up to {worst:.2g} px at them and {between:.2g} px between · {message}"
+    found = len(frames), f"{worst:.2g}", f"{between:.2g}"
+    keys = told(Message("{0} keys, up to {1} px at them and {2} px between", *found))
+    aim.message = f"{keys} · {message}"
     return aim.message
 
 

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...projection.template_error import Message
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.scene_objects import object_by_uid
 from ..blender.slot_animation import SlotError
@@ -75,7 +76,8 @@ def follow(camera, depsgraph) -> None:
         _drags.pop(uid, None)
         camera.scfpf.aim.message = told(error)
     else:
-        camera.scfpf.aim.message = f"Follows within {residual:.3g} px, and is solved when nothing moves"
+        message = Message("Follows within {0} px, and is solved when nothing moves", f"{residual:.3g}")
+        camera.scfpf.aim.message = told(message)
         _await_rest(uid)
 
 

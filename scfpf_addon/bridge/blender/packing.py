@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from ...projection.template_error import Message
+
 # Blender counts the bytes of a packed file in 31 bits and cuts off larger files without an error.
 LARGEST_FILE = 2**31
 # The most bytes of an EXR besides its pixels: a header and 16 bytes a line.
 BESIDES_PIXELS = 2**22
 
 TOO_LARGE = (
-    "'{}' has more than the 2 GB that Blender can keep of an image in a .blend: "
+    "'{0}' has more than the 2 GB that Blender can keep of an image in a .blend: "
     "save it with Image > Save As, or closing the file and undo lose it"
 )
 
@@ -27,4 +29,4 @@ def pack(image) -> str:
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.filepath_raw = ""
-    return TOO_LARGE.format(image.name)
+    return Message(TOO_LARGE, image.name)

@@ -40,7 +40,9 @@ def frustum(camera, scene) -> tuple[End, End]:
     """
     if camera.type != "CAMERA":
         lost = missing_text(camera.original)
-        raise FrustumError(lost or f"'{camera.name}' is not a camera: choose one in the Scene properties")
+        if lost:
+            raise FrustumError(lost)
+        raise FrustumError("'{0}' is not a camera: choose one in the Scene properties", camera.name)
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(

@@ -77,7 +77,7 @@ class Judgement:
     @property
     def meets_bars(self) -> bool:
         """Return whether the pins and the background are where they shall be, and nothing folds."""
-        return self._distances == 0.0 and self.is_clean
+        return not self.misses_pins and not self.misses_background and self.is_clean
 
     @property
     def unclean(self) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cameras that see the layers in a passing scene: a rig for a flexible one, or a copy of an ordinary one.
+"""The cameras that see the layers in a passing scene: a rig, or a copy of a camera that needs none.
 
 All of them make the whole image, in which the picture of a layer has its place and size: their pixels are
 those of the image.
@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
+import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ...bridge.blender.modifier_inputs import set_inputs
 from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
@@ -38,8 +40,8 @@ class View(NamedTuple):
     """A view of an image with layers: that of the image itself, or of a layer.
 
     camera: its session id. frame: the place of its picture in the image. projection: what the image shows
-    through it, world space. place: (4, 4), without scale, of a camera that Cycles has itself: an ordinary
-    one, or a flexible one whose volume is its own frustum. None for others.
+    through it, world space. place: (4, 4), without scale, of a camera that Cycles renders without a rig: an
+    ordinary one, or a flexible one whose volume is its own frustum. None for others.
     """
 
     camera: int
@@ -114,8 +116,8 @@ def _place(rig, frame: Framed) -> None:
 
 @contextmanager
 def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
-    eye, before = camera.copy(), passing.scene.camera
-    eye.data = lens = camera.data.copy()
+    eye, before = _eye(camera, view), passing.scene.camera
+    lens = eye.data
     made, kept = eye.session_uid, None if before is None else before.session_uid
     try:
         lens.animation_data_clear()
@@ -130,6 +132,19 @@ def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
             passing.scene.camera = object_by_uid(kept or 0)
         if (copy := object_by_uid(made)) is not None:
             delete_with_data(copy)
+
+
+def _eye(camera, view: View):
+    """A camera at a view's place with its lens, and without a volume, which would be made and warned of."""
+    lens = camera.data.copy()
+    if not camera.scfpf.enabled:
+        eye = camera.copy()
+        eye.data = lens
+        return eye
+    assert view.place is not None
+    eye = bpy.data.objects.new(camera.name, lens)
+    eye.matrix_world = Matrix(view.place.tolist())
+    return eye
 
 
 def _aim_lens(lens, view: View) -> None:

@@ -18,6 +18,7 @@ from ...projection.typing import Array, BoolArray
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import Projection
 from ...shading.settings.frame_settings import Border
+from ..hidden_surfaces import has_rendered
 from ..rig_data import rigs
 from .layer_eyes import View
 from .layer_things import FoundThings, find_things
@@ -118,11 +119,12 @@ def read_views(passing: PassingScene, camera) -> ReadViews:
 def _own_place(camera, depsgraph, seen: Projection) -> Array | None:
     """The place of a flexible camera whose picture F12 makes without a rig; None for others.
 
-    seen: its projection. A rig of its own, the shutter and the lens keep it flexible.
+    seen: its projection. A rig of its own, the shutter, the lens, and control surfaces that other renders
+    show keep it flexible.
     """
     scene, evaluated = depsgraph.scene_eval, camera.evaluated_get(depsgraph)
     is_plain = not (scene.render.use_motion_blur or camera.data.dof.use_dof)
-    if not is_plain or any(rig.scfpf_rig.camera == camera for rig in rigs()):
+    if not is_plain or has_rendered(depsgraph.scene) or any(rig.scfpf_rig.camera == camera for rig in rigs()):
         return None
     return placement(evaluated) if is_own_frustum(seen, evaluated, depsgraph) else None
 

@@ -156,6 +156,7 @@ class Aim:
         home = self.pin_energy.home_t
         self._begin_pins(pins)
         self.t, self.pin_energy.home_t = t, home
+        self.pin_folds.look(t)
         self.step(self.way.targets(1.0))
         return self.result()
 

@@ -16,7 +16,7 @@ from ...bridge.blender.scene_objects import delete_with_data
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
 from ...projection.presets.preset import MAXIMUM_SURFACES
-from ...projection.template_error import TemplateError
+from ...projection.template_error import Message, TemplateError
 from ..generated_collection import (
     follow_image_size,
     is_complete,
@@ -78,7 +78,7 @@ def make_preview(scene, view_layer, camera):
 
     Raises PreviewError; nothing is left behind then.
     """
-    if problem := linked_text(scene, camera, "preview it there"):
+    if problem := linked_text(scene, camera, Message("preview it there")):
         raise PreviewError(problem)
     _check_surfaces(camera)
     sync_volume_object(camera)

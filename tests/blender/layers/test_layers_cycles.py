@@ -298,6 +298,20 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
         assert not is_ordinary()
         setattr(owner, name, before)
         assert is_ordinary()
+    # A surface that other renders show is hidden from the rays of rigs alone.
+    far.hide_render = False
+    assert not is_ordinary()
+    far.hide_render = True
+    passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
+    try:
+        views = cycles.layer_views.read_views(passing, master).views
+        with cycles.layer_eyes.seen_through(passing, views[0]):
+            assert addon("cycles.engine_choice").f12_warning(passing.scene) == ""
+            objects = set(bpy.data.objects)
+            addon("bridge.sync.handlers").sync()
+            assert set(bpy.data.objects) == objects
+    finally:
+        passing.remove()
 
 
 def state(scene):
