@@ -8,8 +8,6 @@ import numpy as np
 from ..recipes.layer_pictures import add_camera, add_layer
 from .walk import walk
 
-# The image's pixels.
-IMAGE = (1920, 960)
 # The layer's shares of the image's width, beyond its borders, and height, and where the layer's middle is.
 SIZE, POSITION = (1.04, 0.50), (0.5, 0.24)
 # Half the width that the layer shows, in widths of things, and its lowest and highest point.
@@ -25,8 +23,8 @@ HALO = 0.8
 ROWS, COLUMNS = 9, 161
 
 
-def evening_car():
-    """Build the street by day, with the unfolded car as a layer, and return the scene."""
+def evening_car(size: tuple[int, int]):
+    """Build the street by day, with the unfolded car as a layer, and return the scene. size: its image's."""
     import bpy
 
     from .. import render_demo
@@ -34,7 +32,7 @@ def evening_car():
 
     scene = render_demo.build_street()
     # A picture with layers has the shape that its image has now.
-    scene.render.resolution_x, scene.render.resolution_y = IMAGE
+    scene.render.resolution_x, scene.render.resolution_y = size
     street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 3.2), 27.0)
     heights, across = np.linspace(LOW, HIGH, ROWS), np.linspace(-1, 1, COLUMNS)
     along = HALF * across * (FRONT + (1 - FRONT) * across**2)

@@ -23,7 +23,6 @@ sys.path.insert(0, str(ROOT))
 from demo.recipes.jobs import RECIPES  # noqa: E402
 from demo.recipes.steps import Recipe, add, place, prepare, render  # noqa: E402
 from demo.render_demo import enable_add_on, open_on, scratch_profile  # noqa: E402
-from demo.showpieces.evening_car import IMAGE  # noqa: E402
 
 FOLDER, OUTPUT = ROOT / "docs" / "showpieces", ROOT / "demo" / "output" / "showpieces"
 QUALITY = 88
@@ -143,18 +142,21 @@ def _evening_car() -> Recipe:
     def build():
         from demo.showpieces.evening_car import evening_car
 
-        return evening_car()
+        return evening_car(STREET_SIZE)
 
     return Recipe("evening-car", "A car from both sides before its street", "", build, (render(),), "")
 
 
+# The pixels of the pictures of the street.
+STREET_SIZE = (1920, 960)
+
 PIECES = {
     "bust": Piece(_bust(), (1231, 1920), lambda scene: None),
-    "impossible-street": Piece(_impossible(), (1920, 960), evening),
+    "impossible-street": Piece(_impossible(), STREET_SIZE, evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
-    "evening-car": Piece(_evening_car(), IMAGE, evening),
-    "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
+    "evening-car": Piece(_evening_car(), STREET_SIZE, evening),
+    "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, evening),
 }
 
 
