@@ -12,9 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
-import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ...bridge.blender.modifier_inputs import set_inputs
 from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
@@ -116,8 +114,10 @@ def _place(rig, frame: Framed) -> None:
 
 @contextmanager
 def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
-    eye, before = _eye(camera, view), passing.scene.camera
-    lens = eye.data
+    eye, before = camera.copy(), passing.scene.camera
+    # A copy that were flexible would get a volume of its own, and a warning that Cycles ignores it.
+    eye.scfpf.enabled = False
+    eye.data = lens = camera.data.copy()
     made, kept = eye.session_uid, None if before is None else before.session_uid
     try:
         lens.animation_data_clear()
@@ -132,19 +132,6 @@ def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
             passing.scene.camera = object_by_uid(kept or 0)
         if (copy := object_by_uid(made)) is not None:
             delete_with_data(copy)
-
-
-def _eye(camera, view: View):
-    """A camera at a view's place with its lens, and without a volume, which would be made and warned of."""
-    lens = camera.data.copy()
-    if not camera.scfpf.enabled:
-        eye = camera.copy()
-        eye.data = lens
-        return eye
-    assert view.place is not None
-    eye = bpy.data.objects.new(camera.name, lens)
-    eye.matrix_world = Matrix(view.place.tolist())
-    return eye
 
 
 def _aim_lens(lens, view: View) -> None:
