@@ -115,8 +115,8 @@ def _place(rig, frame: Framed) -> None:
 @contextmanager
 def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
     eye, before = camera.copy(), passing.scene.camera
-    # A copy that were flexible would get a volume of its own, and a warning that Cycles ignores it.
-    eye.scfpf.enabled = False
+    # A flexible copy would get a volume of its own, and a warning that Cycles ignores it.
+    eye.property_unset("scfpf")
     eye.data = lens = camera.data.copy()
     made, kept = eye.session_uid, None if before is None else before.session_uid
     try:

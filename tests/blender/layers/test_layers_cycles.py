@@ -305,11 +305,14 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
     passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
     try:
         views = cycles.layer_views.read_views(passing, master).views
+        volume, before = master.scfpf.volume_object, set(bpy.data.objects)
         with cycles.layer_eyes.seen_through(passing, views[0]):
             assert addon("cycles.engine_choice").f12_warning(passing.scene) == ""
-            objects = set(bpy.data.objects)
             addon("bridge.sync.handlers").sync()
-            assert set(bpy.data.objects) == objects
+            assert len(bpy.data.objects) == len(before) + 1
+            assert master.scfpf.volume_object == volume
+        assert set(bpy.data.objects) == before
+        assert master.scfpf.volume_object == volume and volume.parent == master
     finally:
         passing.remove()
 
