@@ -16,8 +16,8 @@ settings.register_profile("scfpf-ci", settings.get_profile("scfpf"), derandomize
 settings.load_profile("scfpf-ci" if os.environ.get("CI") else "scfpf")
 
 TESTS = pathlib.Path(__file__).parent
-# Files and folders whose tests get the mark "once": they take long, and what they show is mathematics, or
-# the code itself, not a Blender's, Python's or NumPy's. Quick tests of the same modules run on all.
+# Files and folders whose tests get the mark "once": they take long, and what they show hardly depends on the
+# version of Blender, Python or NumPy. Other tests call the same code on all versions.
 ONCE = (
     "blender/aim/test_solving.py",
     "blender/aim/test_verdict.py",

@@ -134,7 +134,7 @@ def _percentile(values: Array, share: float) -> float:
 
 
 class _Background(NamedTuple):
-    """What the image before shows outside the halos.
+    """Points outside the halos that the image shows before the volume is aimed.
 
     points: (3, N), in world space. pixels: (N,), the numbers of the judged pixels that show them. objects:
     (N,), the numbers of their objects.
@@ -185,7 +185,7 @@ class Judge:
 
     @cached_property
     def _background(self) -> _Background:
-        """What a quarter of the pixels shows before."""
+        """The background in every fourth pixel of the image before the volume is aimed."""
         x, y = (part[::EACH] for part in self._centres)
         hits = self.scene.hits(self.before, x, y, self.width)
         kept = np.flatnonzero((hits.triangle >= 0) & ~self.wanted[hits.triangle])
@@ -201,7 +201,7 @@ class Judge:
         return float(np.sign(determinant(self.before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum()))
 
     def _pixels(self, place: Inverse, positions: Array) -> Array:
-        """Distances in pixels of parameters from image positions (2, N), inf where there are none."""
+        """How far parameters are from image positions (2, N), in pixels (N,); inf where none was found."""
         across, up = place.u - positions[0], (place.v - positions[1]) / self.before.aspect
         return np.where(place.found, np.hypot(across, up) * self.width, np.inf)
 

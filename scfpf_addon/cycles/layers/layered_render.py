@@ -20,7 +20,7 @@ from .exr_passes import read_passes
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
 from .passing_scene import KEY_SIDE, PassingScene
-from .shown_pixels import ShownPixels, around, join_into, slices, within
+from .shown_pixels import ShownPixels, around, join_into, padded, slices, within
 
 
 class LayeredRender:
@@ -87,25 +87,22 @@ class LayeredRender:
     ) -> Generator[str, None, ShownPixels | None]:
         """Render a layer; None if nothing of it is seen. window: the pixels in which it may be seen."""
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}'"
-        box, known = read.box(number), None
+        box, keys = read.box(number), None
         self._passing.show((number,))
         color = yield from self._colors(name, window, read, is_layer=True)
         own = within(color[..., 3] > 0.0, window)
         if layer.front == "DEPTH" and own is not None:
             keys = self._keys(read, number, *(yield from self._places(name, own, read)))
-            known = ShownPixels(own, color[slices(own, window)], own, keys)
-        near = None
+            keys = padded(keys, own, window, len(keys))
         if layer.halo > 0.0:
-            near = yield from self._halo(read, number, window, color)
+            place, is_near = yield from self._halo(read, number, window, color)
+            if layer.front == "DEPTH":
+                near = self._keys(read, number, place, is_near)
+                keys = near if keys is None else np.where(is_near, near, keys)
         if (seen := within(color[..., 3] > 0.0, window)) is None:
             return None
         color = color[slices(seen, window)]
-        keys = np.full((1, *color.shape[:2]), np.inf)
-        if known is not None:
-            keys = known.part(seen, len(known.keys))[1].reshape(-1, *color.shape[:2])
-        if near is not None and layer.front == "DEPTH":
-            near = near[(slice(None), *slices(seen, window))]
-            keys = np.where(np.isfinite(near), near, keys)
+        keys = np.full((1, 1, 1), np.inf) if keys is None else keys[(slice(None), *slices(seen, window))]
         # Where no place meets anything opaque the middle of the things has to do.
         middle = np.broadcast_to(box.middle[:, None, None, None], (3, 1, *color.shape[:2]))
         nearest = self._keys(read, number, middle, color[None, ..., 3] > 0.0)
@@ -114,8 +111,11 @@ class LayeredRender:
 
     def _halo(
         self, read: ReadViews, number: int, window: Border, color: Single
-    ) -> Generator[str, None, Array]:
-        """Render the halo of a layer into its colours (H, W, 4); returns its keys (S, H, W)."""
+    ) -> Generator[str, None, tuple[Array, BoolArray]]:
+        """Render the halo of a layer into its colours (H, W, 4).
+
+        Returns positions (3, S, H, W) at S places of each pixel, and whether the halo shows what is there.
+        """
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}', its halo"
         self._passing.show((0, number), read.beyond(number), held_out=number)
         place, is_seen = yield from self._places(name, window, read)
@@ -127,7 +127,7 @@ class LayeredRender:
             near = yield from self._colors(name, part, read, is_layer=True)
             own = slices(part, window)
             color[own] += (near - color[own]) * share[own][..., None]
-        return self._keys(read, number, place, is_near)
+        return place, is_near
 
     def _colors(
         self, name: str, window: Border, read: ReadViews, is_layer: bool

@@ -32,14 +32,21 @@ class ShownPixels(NamedTuple):
     def part(self, window: Border, places: int) -> tuple[Single, Array]:
         """Colours (N, 4) and keys (places, N) of a window's pixels. places: S, or any number if S is 1."""
         height, width = window.top - window.bottom, window.right - window.left
-        color, keys = np.zeros((height, width, 4), np.float32), np.full((places, height, width), np.inf)
+        color = np.zeros((height, width, 4), np.float32)
         if (shared := _shared(self.window, window)) is not None:
             color[slices(shared, window)] = self.color[slices(shared, self.window)]
-        if (shared := _shared(self.compared, window)) is not None:
-            keys[(slice(None), *slices(shared, window))] = self.keys[
-                (slice(None), *slices(shared, self.compared))
-            ]
-        return color.reshape(-1, 4), keys.reshape(places, -1)
+        return color.reshape(-1, 4), padded(self.keys, self.compared, window, places).reshape(places, -1)
+
+
+def padded(keys: Array, own: Border, window: Border, places: int) -> Array:
+    """The keys (places, H, W) of a window's pixels: ``keys`` (S, H, W) of the window ``own``, inf elsewhere.
+
+    places: S, or any number if S is 1.
+    """
+    every = np.full((places, window.top - window.bottom, window.right - window.left), np.inf)
+    if (shared := _shared(own, window)) is not None:
+        every[(slice(None), *slices(shared, window))] = keys[(slice(None), *slices(shared, own))]
+    return every
 
 
 def join_into(rest: ShownPixels, layers: Sequence[ShownPixels]) -> None:
