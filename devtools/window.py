@@ -39,6 +39,8 @@ PACKAGES = (
     *("python3-numpy", "python3-cattr", "python3-requests", "python3-zstandard"),
 )
 NEEDED_BYTES = 4e9
+# What lies beside the scenarios: those of the recipes perform what the pages tell.
+BESIDE = MappingProxyType({name: ROOT / name for name in ("demo", "presets")})
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
 SCREEN = (1600, 1000)
 LEASH = ("timeout", f"{LIMIT:.0f}")  # ends the command even if this process is killed
@@ -74,7 +76,7 @@ def test(blender: str | None, names: list[str]) -> tuple[list[Result], list[str]
         if sys.platform != "linux" or platform.machine() != "x86_64":
             raise Unavailable("that is written for Linux on x64")
         with place(blender, deadline) as found:
-            return run(found, chosen(names), deadline)
+            return run(found, chosen(names), deadline, BESIDE)
     except Unavailable as reason:
         return [], [f"NOT tested in a Blender with a window: {reason}"]
 

@@ -35,6 +35,16 @@ class Recipe(NamedTuple):
     more: str
 
 
+def begin(recipe: Recipe, percentage: int = 100):
+    """Build the scene of a recipe, and return it. percentage: of the resolution."""
+    scene = recipe.build()
+    scene.render.engine, scene.render.resolution_percentage = ENGINE, percentage
+    scene.scfpf_sampling.world_shadows = True
+    for obj in scene.objects:
+        obj.select_set(False)
+    return scene
+
+
 def prepare(recipe: Recipe, percentage: int = 100):
     """Build the scene of a recipe, do its steps but the last one, which renders, and return the scene.
 
@@ -42,11 +52,7 @@ def prepare(recipe: Recipe, percentage: int = 100):
     """
     import bpy
 
-    scene = recipe.build()
-    scene.render.engine, scene.render.resolution_percentage = ENGINE, percentage
-    scene.scfpf_sampling.world_shadows = True
-    for obj in scene.objects:
-        obj.select_set(False)
+    scene = begin(recipe, percentage)
     for step in recipe.steps[:-1]:
         step.act()
         bpy.context.view_layer.update()

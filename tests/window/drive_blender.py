@@ -26,6 +26,8 @@ import bpy
 
 FOLDER = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
+# A checkout's demo; elsewhere it lies beside the scenarios.
+sys.path.append(str(FOLDER.parents[1]))
 
 from driver import DRAW, Driver, build_scene, set_slow
 
