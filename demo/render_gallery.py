@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render the gallery: for each image the volume's diagram, its set-up in the scene, and the result.
 
-    python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...] [--cycles]
+    python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...] [--cycles | --engine]
 
 `python3 dev.py gallery` runs it under a Python that has bpy, for docs/gallery.md and docs/gallery/.
 """
@@ -305,7 +305,9 @@ def main(arguments: list[str]) -> None:
     )
     choices = [*(plate.stem for plate in PLATES), gallery_animation.STEM]
     parser.add_argument("--only", metavar="PLATE", choices=choices, nargs="+", help="some plates")
-    parser.add_argument("--cycles", action="store_true", help="the pictures with Cycles alone")
+    alone = parser.add_mutually_exclusive_group()
+    alone.add_argument("--cycles", action="store_true", help="the pictures with Cycles alone")
+    alone.add_argument("--engine", action="store_true", help="all others")
     options = parser.parse_args(arguments)
     output = options.output.absolute()
     folder = output.with_suffix("")
@@ -337,7 +339,7 @@ def render_all(scratch: Path, folder: Path, plates, options) -> None:
             stem = folder / stems(plate)[number]
             if scene == name and not options.cycles:
                 render_panel(street, panel, stem, options.percentage)
-            if scene == name and stem.name in WITH_CYCLES:
+            if scene == name and stem.name in WITH_CYCLES and not options.engine:
                 path = stem.with_name(f"{stem.name}-cycles.jpg")
                 render_with_cycles(street, panel, path, options.percentage)
     print(f"All done in {time.perf_counter() - started:.0f} s", flush=True)
