@@ -57,7 +57,7 @@ def head():
 
     scene = build_street()
     bpy.ops.mesh.primitive_monkey_add(size=1.5, location=(0.2, -8.0, 1.7), rotation=(0, 0, math.radians(52)))
-    monkey = bpy.context.object
+    monkey = bpy.context.view_layer.objects.active
     monkey.name = "Head"
     monkey.modifiers.new("Smooth", "SUBSURF").levels = 1
     monkey.data.shade_smooth()
