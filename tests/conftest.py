@@ -16,14 +16,24 @@ settings.register_profile("scfpf-ci", settings.get_profile("scfpf"), derandomize
 settings.load_profile("scfpf-ci" if os.environ.get("CI") else "scfpf")
 
 TESTS = pathlib.Path(__file__).parent
-# Files and folders whose tests get the mark "once": they take long, and what they show hardly depends on the
-# version of Blender, Python or NumPy. Other tests call the same code on all versions.
+# Files, folders and tests that get the mark "once": they take long, and what they show hardly depends on the
+# version of Blender, Python or NumPy. Shorter ones call the same code on all versions.
 ONCE = (
+    "blender/aim/test_drag_operator.py",
+    "blender/aim/test_drags.py",
     "blender/aim/test_solving.py",
     "blender/aim/test_verdict.py",
+    "blender/cycles/test_cycles_denoising.py",
+    "blender/cycles/test_cycles_follows.py::test_sheets_follow_every_kind_of_surface",
+    "blender/cycles/test_cycles_materials.py",
+    "blender/cycles/test_cycles_moving.py::test_an_animation_of_a_moving_volume_in_a_window",
+    "blender/cycles/test_cycles_moving.py::test_blurred_things_are_seen",
+    "blender/cycles/test_cycles_rig.py::test_cycles_sees_what_the_exact_caster_sees[others]",
+    "blender/cycles/test_cycles_skipped_things.py",
     "blender/cycles/test_cycles_skipping.py",
     "blender/cycles/test_street_portals.py",
     "blender/interface/test_languages.py",
+    "blender/interface/test_operators.py::test_every_shipped_preset_can_be_added_and_applied",
     "blender/whole/test_compositions.py",
     "blender/whole/test_gallery.py",
     "blender/whole/test_gallery_figures.py",
@@ -47,9 +57,12 @@ ONCE = (
 
 
 def pytest_collection_modifyitems(items):
-    missing = [name for name in ONCE if not (TESTS / name).exists()]
-    assert not missing, f"tests/conftest.py marks what is not there: {missing}"
-    once = [TESTS / name for name in ONCE]
+    """Mark what one Blender is enough for. A test's name stands for it with all of its parameters."""
+    for entry in ONCE:
+        assert (TESTS / entry.partition("::")[0]).exists(), f"tests/conftest.py marks what is not there: {entry}"
     for item in items:
-        if any(item.path.is_relative_to(path) for path in once):
+        place = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
+        names = {f"{place}::{item.name}", f"{place}::{item.name.partition('[')[0]}", place}
+        names |= {folder.as_posix() for folder in pathlib.PurePosixPath(place).parents}
+        if names & set(ONCE):
             item.add_marker(pytest.mark.once)

@@ -18,7 +18,7 @@ from rig_scenes import (
 
 WIDTH, HEIGHT = 48, 32
 # Of one volume each; the surfaces of a volume are moved, turned and sized at random.
-SEEDS = range(20)
+SEEDS = range(12)
 PRESETS = ("around_the_car", "nonlinear_twist", "deep_curvy_volume", "occlusion_camera", "angular_fisheye")
 # Pixels that may differ: rounding decides which of two things that touch in a pixel its ray meets.
 ROUNDED = 2

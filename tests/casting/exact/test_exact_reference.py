@@ -21,7 +21,7 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
-WIDTH, HEIGHT = 64, 36
+WIDTH, HEIGHT = 48, 27
 
 # Two hits count as one when their t differ by less.
 SAME = 1e-9
@@ -78,7 +78,7 @@ def test_every_pixel_sees_what_brute_force_sees(reference, scene, name):
     assert (hits.triangle >= 0).mean() > 0.1
 
 
-@pytest.mark.parametrize("name", ["straight", "slight", "quadratic", "cubic", "loop", "quintic"])
+@pytest.mark.parametrize("name", ["straight", "quadratic", "loop"])
 @pytest.mark.parametrize("scene", HARD_SCENES)
 def test_hard_meshes(reference, scene, name):
     """Unwelded, doubled, crossing, near-coincident, non-manifold; slivers and dust."""

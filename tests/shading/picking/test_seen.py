@@ -36,7 +36,7 @@ def de_casteljau(points, t):
     return rows[0]
 
 
-def walked(projection, x, y, count=40_001):
+def walked(projection, x, y, count=8_001):
     """The projector at (x, y) as many points, from the corners of its planes and Bernstein's definition."""
     controls = [
         s.matrix[:3, 3] + ((x - 0.5) * s.width * s.matrix[:3, 0] + (y - 0.5) * s.height * s.matrix[:3, 1])
