@@ -34,6 +34,8 @@ ONCE = (
     "blender/cycles/test_street_portals.py",
     "blender/interface/test_languages.py",
     "blender/interface/test_operators.py::test_every_shipped_preset_can_be_added_and_applied",
+    "blender/render/test_render_engine.py::test_processes_make_the_parts_of_one_image",
+    "blender/render/test_sampling.py",
     "blender/whole/test_compositions.py",
     "blender/whole/test_gallery.py",
     "blender/whole/test_gallery_figures.py",

@@ -42,7 +42,7 @@ def _undo(driver, times, key="ed.undo"):
 
 
 def duplicates(driver):
-    """Shift-D of a camera with its surfaces, hidden afterwards; fifty undos; X on the camera."""
+    """Shift-D of a camera with its surfaces, hidden afterwards; many undos; X on the camera."""
     driver.add_camera("cylindrical_panorama")
     camera = bpy.context.scene.camera
     yield DRAW
@@ -64,7 +64,7 @@ def duplicates(driver):
         bpy.ops.view3d.view_all()
     yield 2 * DRAW
     driver.shot("duplicate-hidden")
-    for _step in range(16):
+    for _step in range(8):
         _select(copy)
         copy.location.z += 1
         with driver.override():
@@ -79,9 +79,9 @@ def duplicates(driver):
         copy = bpy.data.objects[copy.name]
     whole = _volumes()
     assert len(whole) == 2, whole
-    yield from _undo(driver, 32)
+    yield from _undo(driver, 16)
     yield DRAW
-    yield from _undo(driver, 32, "redo")
+    yield from _undo(driver, 16, "redo")
     yield DRAW
     assert _volumes() == whole, _volumes()
     copy = bpy.data.objects["Flexible Camera.001"]

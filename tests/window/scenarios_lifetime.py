@@ -120,7 +120,7 @@ def disabled_during_f12(driver):
     for engine, wait in (("SCFPF", 0.0), ("SCFPF", 1.0), ("CYCLES", 0.0), ("CYCLES", 0.3), ("CYCLES", 2.0)):
         scene.render.engine = engine
         scene.render.resolution_percentage = 50 if engine == "SCFPF" else 10
-        scene.cycles.samples, camera.scfpf.samples = 1024 if wait == 0.3 else 128, 64
+        scene.cycles.samples, camera.scfpf.samples = 384 if wait == 0.3 else 128, 48
         bpy.ops.render.render("INVOKE_DEFAULT")
         yield wait
         yield from disabled_and_enabled(at_once=wait == 0.3)

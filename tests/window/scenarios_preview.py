@@ -337,7 +337,7 @@ PALETTE = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 1, 1), (0,
 # Of the pixels that are two pixels or more from any silhouette, how many may show another object.
 MISTAKES = 2e-3
 # The others are compared without a window, in tests/blender/scanline/test_scanline_pictures.py.
-COMPARED = ("inverted_perspective", "nonlinear_twist", "cylindrical_panorama", "around_the_car")
+COMPARED = ("nonlinear_twist", "cylindrical_panorama", "around_the_car")
 # Those that look all round: they stand among the objects.
 AMIDST = {"cylindrical_panorama"}
 

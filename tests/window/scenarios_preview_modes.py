@@ -111,8 +111,8 @@ def preview_after_every_mode(driver):
     bpy.ops.object.grease_pencil_add(type="STROKE")
     strokes = bpy.context.object
     yield DRAW
-    meshes = ("SCULPT", "WEIGHT_PAINT", "TEXTURE_PAINT", "VERTEX_PAINT", "EDIT")
-    drawings = ("PAINT_GREASE_PENCIL", "SCULPT_GREASE_PENCIL", "WEIGHT_GREASE_PENCIL", "EDIT")
+    meshes = ("SCULPT", "TEXTURE_PAINT", "EDIT")
+    drawings = ("PAINT_GREASE_PENCIL", "SCULPT_GREASE_PENCIL", "EDIT")
     for obj, modes in ((ball, meshes), (strokes, drawings)):
         for mode in modes:
             bpy.context.view_layer.objects.active = obj
