@@ -127,8 +127,8 @@ def command_test(options, rest):
 def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     """Run parts of the suite, (environment, part) each: at most two at a time, beside the part in a window.
 
-    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. The part
-    in a window waits half of the time. Tests with the mark "once" run in the
+    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. The two
+    processes of the part in a window wait half of the time. Tests with the mark "once" run in the
     first environment only. Where there are zips the Blender tests install theirs; otherwise they load the
     checkout. scenarios: the arguments of the part in a window, None without it. Returns the results and the
     warnings.

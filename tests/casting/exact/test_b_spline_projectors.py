@@ -24,7 +24,7 @@ SILHOUETTES = 0.01
 # Interpolation and layers of lattices; of two layers a projector is one span.
 LATTICES = [("BSPLINE", 2), ("BSPLINE", 5), ("CARDINAL", 3)]
 # Pixels along and up the image, and how many of them are compared.
-SIDE, COMPARED = 96, 300
+SIDE, COMPARED = 96, 160
 
 
 def triangles():

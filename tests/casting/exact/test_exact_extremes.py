@@ -43,7 +43,7 @@ def test_moved_and_scaled(offset, factor, most, degree, angle):
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
 def test_nothing_slips_through_vertices_and_edges(degree):
-    figures = extremes.edge_leaks(100_000 if FULL else 2000, degree)
+    figures = extremes.edge_leaks(100_000 if FULL else 4000, degree)
     assert figures["curves"] >= 4000 and figures["leaks"] == 0
 
 
