@@ -75,7 +75,9 @@ ONCE = (
 def pytest_collection_modifyitems(items):
     """Mark what one Blender is enough for. A test's name stands for it with all of its parameters."""
     for entry in ONCE:
-        assert (TESTS / entry.partition("::")[0]).exists(), f"tests/conftest.py marks what is not there: {entry}"
+        assert (TESTS / entry.partition("::")[0]).exists(), (
+            f"tests/conftest.py marks what is not there: {entry}"
+        )
     for item in items:
         place = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
         names = {f"{place}::{item.name}", f"{place}::{item.name.partition('[')[0]}", place}

@@ -4,9 +4,10 @@
 import time
 
 import bpy
+from driver import PATIENCE
+
 from demo.recipes.jobs import RECIPES
 from demo.recipes.steps import begin
-from driver import PATIENCE
 
 # Of the resolution, in percent; the standard deviation of colors that a picture has at least.
 SMALL, COLORFUL = 8, 0.03
