@@ -53,6 +53,7 @@ ONCE = (
     "blender/whole/test_compositions.py",
     "blender/whole/test_gallery.py",
     "blender/whole/test_gallery_figures.py",
+    "blender/whole/test_malformed_properties.py",
     "blender/whole/test_real_benchmarks.py",
     "blender/whole/test_recipes.py",
     "casting/aim",
