@@ -181,20 +181,19 @@ def _part(
     if not own.any():
         return None
     points = cast_scene.points_of(own)
-    box, near = Box.around(points), np.zeros_like(own)
+    box = Box.around(points)
     shown = box.widened(layer.halo)
-    if layer.halo > 0.0:
-        near = (numbers == 0) & cast_scene.within(shown.lower, shown.upper)
-    scene = cast_scene.enclosed(own | near, shown.lower, shown.upper)
+    scene = cast_scene.enclosed(own | (numbers == 0) if layer.halo > 0.0 else own, shown.lower, shown.upper)
     if scene is None:
         return None
-    hull, seen = Hull.around(points), points
-    if near.any():
+    has_surroundings = bool((scene.usable & (numbers == 0)).any())
+    if has_surroundings:
         # Halos are distances from the box.
-        hull, seen = Hull.around(box.corners), shown.corners
+        points = box.corners
+    hull, seen = Hull.around(points), shown.corners if has_surroundings else points
     return LayerPart(
         scene=scene,
-        has_surroundings=bool(near.any()),
+        has_surroundings=has_surroundings,
         box=box,
         hull=hull,
         bounds=ImageBounds.around(layer.projection, seen),

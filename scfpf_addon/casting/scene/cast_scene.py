@@ -18,7 +18,7 @@ from ..common.parallel import beside
 from .cast_triangles import CastTriangles
 from .clipped_triangles import clipped
 from .embreex import load_embreex
-from .occupancy import CELLS_EACH, MOST_CELLS, SLACK, Occupancy
+from .occupancy import MOST_CELLS, SLACK, Occupancy
 from .prisms import Prisms, PrismScene, require_room_for_prisms
 from .traced_mesh import TracedMesh
 
@@ -30,7 +30,7 @@ KEPT_BLOCK = 31 << 20
 
 # Cells of the grid of a small part's empty space, at least: it fills its own bounds, and a finer grid takes longer
 # than it saves.
-ENCLOSED_CELLS = 1 << 17
+ENCLOSED_CELLS = 1 << 16
 
 # Parts (``CastScene.only``) that are kept at most.
 MOST_PARTS = 16
@@ -155,15 +155,18 @@ class CastScene(CastTriangles):
 
     def points_of(self, which: BoolArray) -> Array:
         """The vertices (3, n) of triangles ``which`` (T,), cast space."""
-        points: Array = self.vertices[:, np.unique(self.triangles[which])]
+        points: Array = self.vertices[:, renumbered(self.triangles[which], self.vertices.shape[1])[0]]
         return points
 
     def within(self, lower: Array, upper: Array) -> BoolArray:
         """Return whether the bounds of each triangle meet a box, (T,). lower, upper: (3,), cast space."""
-        met: BoolArray = np.ones(len(self.triangles), bool)
-        for places, low, high in zip(self.vertices, lower, upper, strict=True):
-            corners = places.take(self.triangles)
-            met &= (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
+        # Sides of the box beyond which vertices are, as bits: a triangle is out if its corners have one in common.
+        beyond = np.zeros(self.vertices.shape[1], np.uint8)
+        for axis, (places, low, high) in enumerate(zip(self.vertices, lower, upper, strict=True)):
+            beyond |= (places < low).view(np.uint8) << np.uint8(2 * axis)
+            beyond |= (places > high).view(np.uint8) << np.uint8(2 * axis + 1)
+        first, second, third = (beyond.take(corner) for corner in self.triangles.T)
+        met: BoolArray = (first & second & third) == 0
         return met
 
     @property
@@ -196,8 +199,8 @@ class CastScene(CastTriangles):
                     if self._pieces is None:
                         self._occupancy = Occupancy.of(self._corners_at(np.flatnonzero(self.usable)))
                     else:
-                        cells = max(ENCLOSED_CELLS, CELLS_EACH * self._pieces.shape[2])
-                        self._occupancy = Occupancy.of(self._pieces, cells=min(cells, MOST_CELLS))
+                        cells = min(max(ENCLOSED_CELLS, self._pieces.shape[2]), MOST_CELLS)
+                        self._occupancy = Occupancy.of(self._pieces, cells=cells)
             return self._occupancy
 
     def occluded(self, origins: NDArray[Any], directions: NDArray[Any], distances: NDArray[Any]) -> BoolArray:
