@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.viewing_volume import Projection, Projectors
-from ..cast import cast, cast_at_nothing
+from ..cast import cast, cast_at_nothing, near_order, needs_order
 from ..common.hits import CastCounts, Hits
 from ..continuation import TileProjectors
 from .layer_keys import layer_keys
@@ -42,7 +41,10 @@ class LayeredHits(NamedTuple):
 
 
 class _Meeting(NamedTuple):
-    """Image positions (n,) at which a layer may be seen, by their numbers, and the projection of these."""
+    """Image positions (n,) at which a layer may be seen, by their numbers, and the projection of these.
+
+    Where casting needs it, those that follow one another are near to each other.
+    """
 
     which: IndexArray
     projection: Projection
@@ -50,9 +52,10 @@ class _Meeting(NamedTuple):
 
 @dataclass(frozen=True)
 class KnownProjectors(Projection):
-    """A projection whose projectors are known, of n image positions."""
+    """A projection whose projectors are known. which: (n,) those of its image positions, None for all."""
 
     known: Projectors | None = None
+    which: IndexArray | None = None
 
     @classmethod
     def of(cls, projection: Projection, known: Projectors) -> KnownProjectors:
@@ -61,12 +64,15 @@ class KnownProjectors(Projection):
 
     def projectors(self, x: Array, y: Array) -> Projectors:
         """See ``Projection``, for the n image positions."""
-        return super().projectors(x, y) if self.known is None else self.known
+        if self.known is None:
+            return super().projectors(x, y)
+        if self.which is None:
+            return self.known
+        return Projectors(self.known.points.take(self.which, 2), self.known.valid.take(self.which))
 
     def taken(self, which: IndexArray) -> Projection:
         """See ``Projection``."""
-        known = self.known
-        return replace(self, known=known and Projectors(known.points.take(which, 2), known.valid.take(which)))
+        return replace(self, which=which if self.which is None else self.which[which])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +109,7 @@ class LayeredCast:
         rests: of each sample the hits (N,) of layer 0, which are changed. Samples share the chords of
         curved layers, which take longer to plan than to cast.
         """
-        size = len(x) // len(rests)
-        edges = np.arange(len(rests) + 1) * size
+        size = max(len(x) // len(rests), 1)
         layer = np.zeros(len(x), np.uint8)
         nearest = np.concatenate([self.keys(0, rest) for rest in rests])
         rests = [rest._replace(mask=rest.mask.copy()) for rest in rests]
@@ -114,17 +119,17 @@ class LayeredCast:
             if not len(which):
                 continue
             own = CastCounts()
-            found = self._hits_of(number, seen.projection, x[which], y[which], own)
+            found = self._hits_of(number, seen.projection, x[which], y[which], own, in_order=True)
             counts.add(replace(own, projectors=0))
             key = self.keys(number, found)
             better = np.flatnonzero(key < nearest[which])
             won = which[better]
             nearest[won], layer[won] = key[better], number
-            ends = np.searchsorted(won, edges)
-            for rest, first, start, end in zip(rests, edges, ends, ends[1:], strict=False):
-                rest.put(won[start:end] - first, found.take(better[start:end]))
-        shares = (layer[start:end] for start, end in pairwise(edges))
-        return [LayeredHits(rest, share) for rest, share in zip(rests, shares, strict=True)]
+            sample = won // size
+            for place, rest in enumerate(rests):
+                some = np.flatnonzero(sample == place)
+                rest.put(won[some] - place * size, found.take(better[some]))
+        return [LayeredHits(*each) for each in zip(rests, layer.reshape(len(rests), -1), strict=True)]
 
     def may_meet(self, number: int, x: Array, y: Array) -> BoolArray:
         """Whether a layer from 1 on may be seen at image positions (N,)."""
@@ -144,12 +149,18 @@ class LayeredCast:
         # The frame of the layer's picture first: projectors cost more.
         image = projection.reparameterisation.points(x[which], y[which], projection.aspect)
         which = which[layer.shown_at(x[which], y[which]) & image.mask]
-        if part.bounds is not None or not len(which):
+        if not len(which):
             return _Meeting(which, projection)
-        known = projection.projectors(x[which], y[which])
-        met = part.hull.met_by(known, projection.volume.spans.is_straight, part.around(layer))
-        met = np.flatnonzero(met)
-        return _Meeting(which[met], KnownProjectors.of(projection, known).taken(met))
+        met = np.arange(len(which))
+        if part.bounds is None:
+            known = projection.projectors(x[which], y[which])
+            met = part.hull.met_by(known, projection.volume.spans.is_straight, part.around(layer))
+            projection, met = KnownProjectors.of(projection, known), np.flatnonzero(met)
+            which = which[met]
+        if len(which) and needs_order(projection, self.pixel_error):
+            order = near_order(x[which], y[which], self.pixel_size)
+            which, met = which[order], met[order]
+        return _Meeting(which, projection.taken(met))
 
     def _least_key(self, number: int) -> float:
         """A key that no hit of a layer from 1 on is below."""
@@ -169,13 +180,21 @@ class LayeredCast:
         projection = self.projection.layers[number - 1].projection
         return self._hits_of(number, projection, x[which], y[which], counts)
 
-    def _hits_of(self, number: int, projection: Projection, x: Array, y: Array, counts: CastCounts) -> Hits:
-        """The first hits of a layer from 1 on at image positions x, y (N,)."""
+    def _hits_of(
+        self,
+        number: int,
+        projection: Projection,
+        x: Array,
+        y: Array,
+        counts: CastCounts,
+        in_order: bool = False,
+    ) -> Hits:
+        """The first hits of a layer from 1 on at image positions x, y (N,). in_order: as for ``cast``."""
         part = self.parts.parts[number - 1]
         if part is None:
             return cast_at_nothing(projection, x, y)
         rest = self.pixel_size, self.pixel_error
-        hits = cast(part.scene, projection, x, y, *rest, counts, None, self.weighted)
+        hits = cast(part.scene, projection, x, y, *rest, counts, None, self.weighted, in_order)
         if part.has_surroundings:
             tile = TileProjectors(part.scene, projection, x, y, hits.mask, *rest)
             self.pass_beyond_halo(number, hits, tile, np.arange(len(x)), counts)
@@ -192,12 +211,12 @@ class LayeredCast:
         part, layer = self.parts.parts[number - 1], self.projection.layers[number - 1]
         if not part or not part.has_surroundings:
             return
-        beyond, chance = np.arange(len(which)), _chances(tile.x[which], tile.y[which])
+        beyond = np.arange(len(which))
         for _ in range(MOST_PASSED):
-            there, around = hits.triangle[beyond], hits.position[:, beyond]
-            share = layer.halo_share(part.box.distance(around))
-            is_beyond = (self.parts.numbers.take(there) != number) & (share <= chance[beyond])
-            beyond = beyond[is_beyond & (there >= 0)]
+            there = hits.triangle[beyond]
+            beyond = beyond[(there >= 0) & (self.parts.numbers.take(there) != number)]
+            share = layer.halo_share(part.box.distance(hits.position[:, beyond]))
+            beyond = beyond[share <= _chances(tile.x[which[beyond]], tile.y[which[beyond]])]
             if not len(beyond):
                 return
             counts.rays += len(beyond)
