@@ -124,9 +124,7 @@ class SampleCaster:
                 for each, share in zip(some, lenses, strict=True)
             ]
             for number, (hits, continuation) in zip(some, view.cast_samples(seen, counts), strict=True):
-                yield CastSample(
-                    view, number, hits, continuation and replace(continuation, pixel=pixel)
-                )
+                yield CastSample(view, number, hits, continuation and replace(continuation, pixel=pixel))
 
     def _cast_together(
         self, view: SceneView, pixel: IndexArray, samples: list[int], counts: CastCounts

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of an image in which straight projectors can meet some things, found once instead of by each one."""
+"""The part of an image in which straight projectors can meet some things, found once for all of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ImageBounds:
 
     @classmethod
     def around(cls, projection: Projection, points: Array) -> Self | None:
-        """The bounds of all image positions whose projectors can meet the convex hull of points (3, N), N > 0.
+        """The bounds of the image positions whose projectors can meet the hull of points (3, N), N > 0.
 
         None if they are not known: for projectors that are curved, or neither parallel nor through one point,
         for a mapping of the image, and for points beside or behind the point of view. All is in cast space.
@@ -47,7 +47,7 @@ class ImageBounds:
         low, extent = (np.array(each)[:, None] for each in zip(*_ranges(projection), strict=True))
         ends = [(place + side * margin - low) / extent for side in (-1.0, 1.0)]
         for mapping in reversed(mappings):
-            ends = [np.stack(mapping.image_positions(*end, projection.aspect)) for end in ends]
+            ends = [np.stack(mapping.image_positions(end[0], end[1], projection.aspect)) for end in ends]
         middle, half = (ends[0] + ends[1]) / 2.0, np.abs(ends[1] - ends[0]) / 2.0
         size = (middle + half).max(axis=1) - (middle - half).min(axis=1) + SLACK
         if not np.isfinite(size).all():
@@ -60,7 +60,9 @@ class ImageBounds:
 
     def hold(self, x: Array, y: Array) -> BoolArray:
         """Return whether image positions (N,) are inside, (N,)."""
-        inside: BoolArray = (x >= self.low[0]) & (x <= self.high[0]) & (y >= self.low[1]) & (y <= self.high[1])
+        inside: BoolArray = (
+            (x >= self.low[0]) & (x <= self.high[0]) & (y >= self.low[1]) & (y <= self.high[1])
+        )
         which = np.flatnonzero(inside)
         if len(which):
             sloped = self.directions[2:] @ np.stack([x.take(which), y.take(which)])

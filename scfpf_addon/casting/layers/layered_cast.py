@@ -151,12 +151,12 @@ class LayeredCast:
         which = which[layer.shown_at(x[which], y[which]) & image.mask]
         if not len(which):
             return _Meeting(which, projection)
-        met = np.arange(len(which))
+        met: IndexArray = np.arange(len(which))
         if part.bounds is None:
             known = projection.projectors(x[which], y[which])
-            met = part.hull.met_by(known, projection.volume.spans.is_straight, part.around(layer))
-            projection, met = KnownProjectors.of(projection, known), np.flatnonzero(met)
-            which = which[met]
+            is_straight = projection.volume.spans.is_straight
+            met = np.flatnonzero(part.hull.met_by(known, is_straight, part.around(layer)))
+            which, projection = which[met], KnownProjectors.of(projection, known)
         if len(which) and needs_order(projection, self.pixel_error):
             order = near_order(x[which], y[which], self.pixel_size)
             which, met = which[order], met[order]

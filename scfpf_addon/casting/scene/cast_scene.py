@@ -28,8 +28,8 @@ SHADOW_END = 1e-4
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
 
-# Cells of the grid of a small part's empty space, at least: it fills its own bounds, and a finer grid takes longer
-# than it saves.
+# Cells of the grid of a part's empty space, at least: it fills the part's own bounds, and a finer grid takes
+# longer than it saves.
 ENCLOSED_CELLS = 1 << 16
 
 # Parts (``CastScene.only``) that are kept at most.
@@ -59,15 +59,6 @@ class CastScene(CastTriangles):
         super().__init__(vertices, triangles, space)
         self._build(beyond)
 
-    def _build(self, beyond: Beyond | None = None) -> None:
-        """Build the usable triangles in Embree; ``beyond`` is called at the same time."""
-        self._forget()
-        if beyond is None:
-            self._build_mesh()
-        else:
-            # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
-            self._beyond = beside(self._build_mesh, lambda: self._placed_beyond(*beyond()))
-
     def _forget(self) -> None:
         """Begin without anything that is built on demand."""
         self._lock = Lock()
@@ -77,6 +68,15 @@ class CastScene(CastTriangles):
         self._pieces: Array | None = None
         self._beyond: tuple[Float32Array, NDArray[np.int32]] | None = None
         self._beyond_mesh: TracedMesh | None = None
+
+    def _build(self, beyond: Beyond | None = None) -> None:
+        """Build the usable triangles in Embree; ``beyond`` is called at the same time."""
+        self._forget()
+        if beyond is None:
+            self._build_mesh()
+        else:
+            # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
+            self._beyond = beside(self._build_mesh, lambda: self._placed_beyond(*beyond()))
 
     def _build_mesh(self) -> None:
         self.mesh = TracedMesh(self.vertices, self.triangles, self.usable)
@@ -92,7 +92,6 @@ class CastScene(CastTriangles):
         usable: BoolArray = self.usable & kept
         if not usable.any():
             return None
-
 
         def build(part: CastScene) -> None:
             """Build the triangles that are kept."""
@@ -160,7 +159,7 @@ class CastScene(CastTriangles):
 
     def within(self, lower: Array, upper: Array) -> BoolArray:
         """Return whether the bounds of each triangle meet a box, (T,). lower, upper: (3,), cast space."""
-        # Sides of the box beyond which vertices are, as bits: a triangle is out if its corners have one in common.
+        # Sides of the box beyond which vertices are, as bits: the corners of triangles outside share one.
         beyond = np.zeros(self.vertices.shape[1], np.uint8)
         for axis, (places, low, high) in enumerate(zip(self.vertices, lower, upper, strict=True)):
             beyond |= (places < low).view(np.uint8) << np.uint8(2 * axis)

@@ -368,7 +368,7 @@ class Grid(ControlSurface):
         return Placement(c00, np.ones(len(u), bool))
 
     def _cells(self, u: Array, v: Array) -> tuple[list[Array], Array, Array]:
-        """The corners 00, 10, 01, 11 of the cells in which (u, v) are, (3, N) each, and the places in them."""
+        """The corners 00, 10, 01, 11 of the cells that hold (u, v), (3, N) each, and the places in them."""
         rows, columns = self.points.shape[:2]
         across, up = u * (columns - 1), v * (rows - 1)
         column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)

@@ -56,9 +56,7 @@ class SceneView:
         matrix = self.cast_scene.matrix
         inside = projection.transformed(matrix)
         parts = self.parts and self.parts.seen_by(inside.layers)
-        return replace(
-            self, projection=inside, depth_of_field=lens and lens.transformed(matrix), parts=parts
-        )
+        return replace(self, projection=inside, depth_of_field=lens and lens.transformed(matrix), parts=parts)
 
     def through_lens(self, share: Array | None) -> SceneView:
         """The view whose n projectors pass the lens at shares (2, n) of it; itself for None."""
@@ -127,16 +125,14 @@ class SceneView:
     def cast_samples(
         self, samples: Sequence[tuple[SceneView, Array, Array]], counts: CastCounts
     ) -> list[tuple[Hits, Continuation | None]]:
-        """As ``cast_with_continuation``, of several samples of the pixels of whole rows, of a view with layers.
+        """As ``cast_with_continuation``, of several samples of the pixels of whole rows.
 
         samples: of each, this view through its lens, and its image positions (n,).
         """
         if self.parts is None:
             return [view.cast_with_continuation(x, y, counts, True) for view, x, y in samples]
         columns = self.settings.width
-        rests = [
-            view._layered(self.parts, False).rest_hits(x, y, counts, columns) for view, x, y in samples
-        ]
+        rests = [view._layered(self.parts, False).rest_hits(x, y, counts, columns) for view, x, y in samples]
         x, y = (np.concatenate([sample[axis] for sample in samples]) for axis in (1, 2))
         found = self._layered(self.parts, False).in_front(x, y, rests, counts)
         return [
