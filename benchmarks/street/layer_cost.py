@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cost of a layer on a fifth of the picture, on the demo's street, as ratios with their goals.
 
-    python3 dev.py bench --layers [--quick]
+    python3 dev.py bench --layers [--quick] [--only engine|cycles]
 
 The car is shown by an ordinary camera from its side, and unfolded by a volume, without and with a halo of
 ground; its layer is made as large as SHARE of the picture. Each picture is rendered without and with the
-layer by turns, by the engine and by Cycles, and the whole picture by the layer's camera alone: its time
-times the layer's share is the camera's own price, without which no layer can be. The median of the ratios of
-processor time counts. A rig that Cycles needs is made anew for each picture with the layer.
+layer by turns, by the engine and by Cycles, at each of SIZES, and the whole picture by the layer's camera
+alone: its time times the layer's share is the camera's own price, without which no layer can be. The median
+of the ratios of processor time counts. A rig that Cycles needs is made anew for each picture with the layer.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import argparse
 import statistics
 import sys
 import tempfile
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from time import process_time
 from typing import NamedTuple
@@ -29,8 +31,9 @@ from demo.recipes.layer_pictures import SIZE, add_camera, add_layer, both_sides,
 SHARE, HALO = 0.2, 0.12
 # The most that a picture with the layer may take, as a multiple of the one without.
 GOALS = {"engine": 1.3, "cycles": 1.5}
-# Images are this share of their size, with so many samples. Turns of each picture.
-PERCENTAGE, SAMPLES, RUNS = 40, 16, 3
+# Images are this percentage of their size, with so many samples: a small one, in which all that a picture
+# needs once weighs most, and one as artists render it. Turns of each picture.
+SIZES, RUNS = ((40, 16), (100, 4)), 3
 
 
 def from_the_side():
@@ -92,7 +95,7 @@ def seconds_alone(engine: str, eye, path: str) -> tuple[float, float]:
         select_only(eye)
         bpy.ops.scfpf.camera_from_camera()
         bpy.context.view_layer.update()
-    eye.scfpf.samples = SAMPLES
+    eye.scfpf.samples = scene.camera.scfpf.samples
     before, scene.camera = scene.camera, eye
     select_only(eye)
     started = process_time()
@@ -132,31 +135,33 @@ def price(engine: str, camera, path: str, runs: int) -> Price:
     return Price(*(statistics.median(each) for each in zip(*found, strict=True)))
 
 
-def measure(title: str, make, runs: int, folder: Path) -> None:
+def measure(title: str, make, engines: Sequence[str], runs: int, folder: Path) -> None:
     """Print the lines of a case."""
     import bpy
 
     scene = make()
     bpy.context.window.scene = scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = PERCENTAGE
     # Its own frustum in this size.
     select_only(scene.camera)
     bpy.ops.scfpf.camera_from_camera()
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-    scene.cycles.samples = scene.camera.scfpf.samples = SAMPLES
     (layer,) = scene.camera.scfpf.layers
     layer.halo = 0.0
     share = fit(scene.camera)
-    for halo in (0.0, HALO):
-        layer.halo = halo
-        for engine, goal in GOALS.items():
+    for percentage, samples in SIZES:
+        scene.render.resolution_percentage = percentage
+        scene.cycles.samples = scene.camera.scfpf.samples = samples
+        size = " × ".join(str(side * percentage // 100) for side in SIZE)
+        for halo, engine in product((0.0, HALO), engines):
+            layer.halo, goal = halo, GOALS[engine]
             scene.render.engine = "CYCLES" if engine == "cycles" else "SCFPF"
             found = price(engine, scene.camera, str(folder / "layers.png"), runs)
             missed = ", MISSED" if found.layered > goal else ""
             about = " with its halo" if halo else ""
             print(
-                f"{title}{about}, {share:.0%}: {engine} {found.layered:.2f} × (goal {goal:g}{missed}); "
+                f"{size}, {samples} samples: {title}{about}, {share:.0%}: "
+                f"{engine} {found.layered:.2f} × (goal {goal:g}{missed}); "
                 f"its camera alone 1 + {share:.2f} · {found.alone:.2f} = {1 + share * found.alone:.2f} ×, "
                 f"making its rig {found.rig:.2f}",
                 flush=True,
@@ -166,11 +171,13 @@ def measure(title: str, make, runs: int, folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one turn each")
+    parser.add_argument("--only", choices=GOALS, help="one of the renderers")
     options = parser.parse_args()
     with render_demo.scratch_profile(), tempfile.TemporaryDirectory() as folder:
         render_demo.enable_add_on(Path(folder))
         for title, make in CASES.items():
-            measure(title, make, 1 if options.quick else RUNS, Path(folder))
+            engines = [options.only] if options.only else [*GOALS]
+            measure(title, make, engines, 1 if options.quick else RUNS, Path(folder))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .common.hits import CastCounts, CastError, Hits
 from .common.space_order import space_keys
@@ -51,6 +51,7 @@ def cast(
     counts: CastCounts | None = None,
     columns: int | None = None,
     weighted: bool = True,
+    in_order: bool = False,
 ) -> Hits:
     """The first hit of the projectors through image positions x, y.
 
@@ -67,6 +68,7 @@ def cast(
     are whole rows of that many neighbouring pixels, from the bottom up; empty space is then
     skipped for square blocks of them.
     weighted: whether barycentric weights are needed; if not, straight rays leave them 0.
+    in_order: whether positions that follow one another are near to each other; they are sorted otherwise.
     Raises CastError for a negative or non-finite pixel error, and for 0 if the memory
     does not suffice.
     """
@@ -79,13 +81,23 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError("{0} image positions are not rows of {1}", len(x), columns)
     tile = _Tile(scene=scene, projection=projection, x=x, y=y, pixel_size=pixel_size, columns=columns)
-    if columns is not None or (pixel_error > 0.0 and projection.volume.spans.is_polyline):
+    if in_order or columns is not None or not needs_order(projection, pixel_error):
         return _cast_tile(tile, pixel_error, counts, weighted)
-    order = np.argsort(space_keys(np.stack([x / pixel_size[0], y / pixel_size[1]])), kind="stable")
+    order = near_order(x, y, pixel_size)
     tile = tile._replace(projection=projection.taken(order), x=x[order], y=y[order])
     hits = Hits.empty(len(x))
     hits.put(order, _cast_tile(tile, pixel_error, counts, weighted))
     return hits
+
+
+def needs_order(projection: Projection, pixel_error: float) -> bool:
+    """Return whether casting has to know which image positions are near to each other."""
+    return pixel_error == 0.0 or not projection.volume.spans.is_polyline
+
+
+def near_order(x: Array, y: Array, pixel_size: tuple[float, float]) -> IndexArray:
+    """The order (N,) of image positions in which those that follow one another are near to each other."""
+    return np.argsort(space_keys(np.stack([x / pixel_size[0], y / pixel_size[1]])), kind="stable")
 
 
 def _cast_tile(tile: _Tile, pixel_error: float, counts: CastCounts, weighted: bool) -> Hits:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -65,8 +66,8 @@ class SampleCaster:
         """
         pixel = row_pixels(rows, self.places.width)
         if some is None:
-            for sample in samples:
-                yield self._cast_rows(rows, pixel, sample, counts)
+            for moment, seen in groupby(samples, self._moment):
+                yield from self._cast_rows(self.views[moment], rows, pixel, [*seen], counts)
             return
         pixel = pixel[some]
         groups: dict[int, list[int]] = {}
@@ -110,13 +111,20 @@ class SampleCaster:
         """The number of the moment that a sample sees."""
         return moment_of_samples(self.places.count, len(self.views))[sample]
 
-    def _cast_rows(self, rows: slice, pixel: IndexArray, sample: int, counts: CastCounts) -> CastSample:
-        """Cast one sample of all pixels of whole rows."""
-        view = self.views[self._moment(sample)]
-        x, y = self.places.of_rows(rows, sample)
-        share = self.places.on_lens(pixel, sample) if view.depth_of_field else None
-        hits, continuation = view.through_lens(share).cast_with_continuation(x, y, counts, True)
-        return CastSample(view, sample, hits, continuation and replace(continuation, pixel=pixel))
+    def _cast_rows(
+        self, view: SceneView, rows: slice, pixel: IndexArray, samples: list[int], counts: CastCounts
+    ) -> Iterator[CastSample]:
+        """Cast samples of all pixels of whole rows, which see one view: all at once if it has layers."""
+        step = len(samples) if view.parts else 1
+        for first in range(0, len(samples), step):
+            some = samples[first : first + step]
+            lenses = [self.places.on_lens(pixel, each) if view.depth_of_field else None for each in some]
+            seen = [
+                (view.through_lens(share), *self.places.of_rows(rows, each))
+                for each, share in zip(some, lenses, strict=True)
+            ]
+            for number, (hits, continuation) in zip(some, view.cast_samples(seen, counts), strict=True):
+                yield CastSample(view, number, hits, continuation and replace(continuation, pixel=pixel))
 
     def _cast_together(
         self, view: SceneView, pixel: IndexArray, samples: list[int], counts: CastCounts

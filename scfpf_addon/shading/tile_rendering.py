@@ -135,7 +135,9 @@ def _sample_evenly(
     settings = pipeline.settings
     image = Film(count, pipeline.empty_color, settings.transparent)
     films = TileFilms(pipeline, job.rows, image, inside, names)
-    step = max(1, min(MOST_SAMPLES, TOGETHER // max(count, 1)))
+    # Samples that are cast together share chords, which must not depend on the border.
+    whole = (job.rows.stop - job.rows.start) * settings.width if pipeline.view.parts else count
+    step = max(1, min(MOST_SAMPLES, TOGETHER // max(whole, 1)))
     for first in range(0, settings.samples, step):
         taken = range(first, min(first + step, settings.samples))
         films.take(taken)

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray
-from ...projection.volume.viewing_volume import ImageLayer, Projection
+from ...projection.volume.viewing_volume import ImageLayer, Projection, Projectors
 from ..scene.cast_scene import CastScene
+from .image_bounds import ImageBounds
 
 # Unit normals of the slabs of hulls: along axes, edges' and corners' diagonals of a cube, in this order.
 DIRECTIONS: Array = np.array(
@@ -53,6 +54,10 @@ class Box:
         middle: Array = (self.lower + self.upper) / 2
         return middle
 
+    def widened(self, around: float) -> Box:
+        """The bounds of everything within ``around``."""
+        return Box(self.lower - around, self.upper + around)
+
     def distance(self, positions: Array) -> Array:
         """Distances (N,) of positions (3, N), 0 inside."""
         off = np.maximum(self.lower[:, None] - positions, positions - self.upper[:, None])
@@ -74,15 +79,18 @@ class Hull:
         return cls(*np.array(ends).T)
 
     def may_be_met(self, projection: Projection, x: Array, y: Array, around: float) -> BoolArray:
-        """Whether projectors through image positions (N,) may meet the hull widened by ``around``, (N,).
+        """Whether projectors through image positions (N,) may meet the hull widened by ``around``, (N,)."""
+        return self.met_by(projection.projectors(x, y), projection.volume.spans.is_straight, around)
+
+    def met_by(self, projectors: Projectors, is_straight: bool, around: float) -> BoolArray:
+        """Whether N projectors may meet the hull widened by ``around``, (N,).
 
         Certain for misses: a projector lies in the hull of its control points.
         """
-        points, met = projection.projectors(x, y)
-        which, met = np.flatnonzero(met), np.zeros(len(x), bool)
+        points, exist = projectors
+        which, met = np.flatnonzero(exist), np.zeros(len(exist), bool)
         points, enters, leaves = points[..., which], np.zeros(len(which)), np.ones(len(which))
         is_met = np.ones(len(which), bool)
-        is_straight = projection.volume.spans.is_straight
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             for direction, low, high in zip(DIRECTIONS, self.low - around, self.high + around, strict=True):
                 slack = SLACK * float(np.abs(direction).sum())
@@ -111,12 +119,18 @@ class LayerPart:
     """The things of one layer, in cast space, with their bounds.
 
     scene: if ``has_surroundings``, also the triangles of layer 0 that may be near enough for the halo.
+    bounds: of the layer in the image, None if they are not known.
     """
 
     scene: CastScene
     has_surroundings: bool
     box: Box
     hull: Hull
+    bounds: ImageBounds | None
+
+    def around(self, layer: ImageLayer) -> float:
+        """How far from the things the layer may show anything."""
+        return layer.halo if self.has_surroundings else 0.0
 
 
 @dataclass(frozen=True)
@@ -147,6 +161,18 @@ class LayerParts:
             return None
         return cls(cast_scene, cast_scene.only(numbers == 0), parts, numbers)
 
+    def seen_by(self, layers: tuple[ImageLayer, ...]) -> LayerParts:
+        """The same parts seen by other projections, in cast space, of the same layers."""
+        parts = (
+            part
+            and replace(
+                part,
+                bounds=ImageBounds.around(layer.projection, part.box.widened(part.around(layer)).corners),
+            )
+            for part, layer in zip(self.parts, layers, strict=True)
+        )
+        return replace(self, parts=tuple(parts))
+
 
 def _part(
     cast_scene: CastScene, numbers: NDArray[np.uint8], number: int, layer: ImageLayer
@@ -155,11 +181,20 @@ def _part(
     if not own.any():
         return None
     points = cast_scene.points_of(own)
-    box, near = Box.around(points), np.zeros_like(own)
-    if layer.halo > 0.0:
-        near = (numbers == 0) & cast_scene.within(box.lower - layer.halo, box.upper + layer.halo)
-    scene = cast_scene.only(own | near)
+    box = Box.around(points)
+    shown = box.widened(layer.halo)
+    scene = cast_scene.enclosed(own | (numbers == 0) if layer.halo > 0.0 else own, shown.lower, shown.upper)
     if scene is None:
         return None
-    # Halos are distances from the box.
-    return LayerPart(scene, bool(near.any()), box, Hull.around(box.corners if near.any() else points))
+    has_surroundings = bool((scene.usable & (numbers == 0)).any())
+    if has_surroundings:
+        # Halos are distances from the box.
+        points = box.corners
+    hull, seen = Hull.around(points), shown.corners if has_surroundings else points
+    return LayerPart(
+        scene=scene,
+        has_surroundings=has_surroundings,
+        box=box,
+        hull=hull,
+        bounds=ImageBounds.around(layer.projection, seen),
+    )

@@ -7,7 +7,8 @@ of the middle of its layer's things, or its layer's place in the list.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
-from ...projection.volume.viewing_volume import Projection
-from ..cast import cast, cast_at_nothing
+from ...projection.volume.viewing_volume import Projection, Projectors
+from ..cast import cast, cast_at_nothing, near_order, needs_order
 from ..common.hits import CastCounts, Hits
 from ..continuation import TileProjectors
 from .layer_keys import layer_keys
@@ -26,11 +27,52 @@ from .layer_parts import LayerParts
 MOST_PASSED = 64
 
 
+# The key of a layer's nearest thing is at least this share of the distance to its box: hits of curves lie in
+# their triangles but for the pixel error.
+NEARER = 1.0 - 2.0**-10
+ONE = np.ones(1, bool)
+
+
 class LayeredHits(NamedTuple):
     """The first hits of N image positions. layer: (N,) number of the layer of each; 0 for misses."""
 
     hits: Hits
     layer: NDArray[np.uint8]
+
+
+class _Meeting(NamedTuple):
+    """Image positions (n,) at which a layer may be seen, by their numbers, and the projection of these.
+
+    Where casting needs it, those that follow one another are near to each other.
+    """
+
+    which: IndexArray
+    projection: Projection
+
+
+@dataclass(frozen=True)
+class KnownProjectors(Projection):
+    """A projection whose projectors are known. which: (n,) those of its image positions, None for all."""
+
+    known: Projectors | None = None
+    which: IndexArray | None = None
+
+    @classmethod
+    def of(cls, projection: Projection, known: Projectors) -> KnownProjectors:
+        """The projection bound to the image positions of its projectors ``known``."""
+        return cls(**{each.name: getattr(projection, each.name) for each in fields(Projection)}, known=known)
+
+    def projectors(self, x: Array, y: Array) -> Projectors:
+        """See ``Projection``, for the n image positions."""
+        if self.known is None:
+            return super().projectors(x, y)
+        if self.which is None:
+            return self.known
+        return Projectors(self.known.points.take(self.which, 2), self.known.valid.take(self.which))
+
+    def taken(self, which: IndexArray) -> Projection:
+        """See ``Projection``."""
+        return replace(self, which=which if self.which is None else self.which[which])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,52 +93,110 @@ class LayeredCast:
 
         The counts' projectors are those of layer 0 alone: one for each position.
         """
-        hits = self._hits_of(0, self.projection, x, y, counts, columns)
+        (found,) = self.in_front(x, y, [self.rest_hits(x, y, counts, columns)], counts)
+        return found
+
+    def rest_hits(self, x: Array, y: Array, counts: CastCounts, columns: int | None) -> Hits:
+        """The first hits of layer 0 alone at image positions x, y (N,). columns: as for ``cast``."""
+        if self.parts.rest is None:
+            return cast_at_nothing(self.projection, x, y)
+        rest = self.pixel_size, self.pixel_error
+        return cast(self.parts.rest, self.projection, x, y, *rest, counts, columns, self.weighted)
+
+    def in_front(self, x: Array, y: Array, rests: Sequence[Hits], counts: CastCounts) -> list[LayeredHits]:
+        """What is in front at image positions x, y (S·N,), of S samples of the same pixels one after another.
+
+        rests: of each sample the hits (N,) of layer 0, which are changed. Samples share the chords of
+        curved layers, which take longer to plan than to cast.
+        """
+        size = max(len(x) // len(rests), 1)
         layer = np.zeros(len(x), np.uint8)
-        nearest, mask = self.keys(0, hits), hits.mask.copy()
+        nearest = np.concatenate([self.keys(0, rest) for rest in rests])
+        rests = [rest._replace(mask=rest.mask.copy()) for rest in rests]
         for number in range(1, len(self.projection.layers) + 1):
-            which = np.flatnonzero(self.may_meet(number, x, y))
+            seen = self._meeting(number, x, y, nearest)
+            which = seen.which
             if not len(which):
                 continue
             own = CastCounts()
-            found = self.hits_of(number, which, x, y, own)
+            found = self._hits_of(number, seen.projection, x[which], y[which], own, in_order=True)
             counts.add(replace(own, projectors=0))
             key = self.keys(number, found)
             better = np.flatnonzero(key < nearest[which])
             won = which[better]
-            hits = hits._replace(mask=mask)
-            hits.put(won, found.take(better))
             nearest[won], layer[won] = key[better], number
-        return LayeredHits(hits, layer)
+            sample = won // size
+            for place, rest in enumerate(rests):
+                some = np.flatnonzero(sample == place)
+                rest.put(won[some] - place * size, found.take(better[some]))
+        return [LayeredHits(*each) for each in zip(rests, layer.reshape(len(rests), -1), strict=True)]
 
     def may_meet(self, number: int, x: Array, y: Array) -> BoolArray:
         """Whether a layer from 1 on may be seen at image positions (N,)."""
-        layer, part = self.projection.layers[number - 1], self.parts.parts[number - 1]
         met = np.zeros(len(x), bool)
-        if part is not None:
-            # The frame of the layer's picture first: projectors cost more.
-            image = layer.projection.reparameterisation.points(x, y, layer.projection.aspect)
-            shown = np.flatnonzero(layer.shown_at(x, y) & image.mask)
-            around = layer.halo if part.has_surroundings else 0.0
-            met[shown] = part.hull.may_be_met(layer.projection, x[shown], y[shown], around)
+        met[self._meeting(number, x, y).which] = True
         return met
+
+    def _meeting(self, number: int, x: Array, y: Array, nearest: Array | None = None) -> _Meeting:
+        """The image positions (N,) at which a layer from 1 on may be seen, nearer than keys (N,) if given."""
+        layer, part = self.projection.layers[number - 1], self.parts.parts[number - 1]
+        projection = layer.projection
+        if part is None:
+            return _Meeting(np.zeros(0, np.intp), projection)
+        which = np.arange(len(x)) if part.bounds is None else np.flatnonzero(part.bounds.hold(x, y))
+        if nearest is not None:
+            which = which[nearest.take(which) > self._least_key(number)]
+        # The frame of the layer's picture first: projectors cost more.
+        image = projection.reparameterisation.points(x[which], y[which], projection.aspect)
+        which = which[layer.shown_at(x[which], y[which]) & image.mask]
+        if not len(which):
+            return _Meeting(which, projection)
+        met: IndexArray = np.arange(len(which))
+        if part.bounds is None:
+            known = projection.projectors(x[which], y[which])
+            is_straight = projection.volume.spans.is_straight
+            met = np.flatnonzero(part.hull.met_by(known, is_straight, part.around(layer)))
+            which, projection = which[met], KnownProjectors.of(projection, known)
+        if len(which) and needs_order(projection, self.pixel_error):
+            order = near_order(x[which], y[which], self.pixel_size)
+            which, met = which[order], met[order]
+        return _Meeting(which, projection.taken(met))
+
+    def _least_key(self, number: int) -> float:
+        """A key that no hit of a layer from 1 on is below."""
+        layer, part = self.projection.layers[number - 1], self.parts.parts[number - 1]
+        assert part is not None
+        if layer.front == "DEPTH":
+            away = float(part.box.distance(layer.eye[:, None])[0]) - part.around(layer)
+            return max(away, 0.0) * NEARER
+        middle = part.box.middle
+        return float(layer_keys(self.projection.layers, number, middle[:, None], ONE, middle)[0])
 
     def hits_of(self, number: int, which: IndexArray, x: Array, y: Array, counts: CastCounts) -> Hits:
         """The first hits of one layer alone at some (n,) of the image positions x, y (N,)."""
-        projection = self.projection.of_layers[number].taken(which)
-        return self._hits_of(number, projection, x[which], y[which], counts, None)
+        if not number:
+            alone = replace(self, projection=self.projection.taken(which))
+            return alone.rest_hits(x[which], y[which], counts, None)
+        projection = self.projection.layers[number - 1].projection
+        return self._hits_of(number, projection, x[which], y[which], counts)
 
     def _hits_of(
-        self, number: int, projection: Projection, x: Array, y: Array, counts: CastCounts, columns: int | None
+        self,
+        number: int,
+        projection: Projection,
+        x: Array,
+        y: Array,
+        counts: CastCounts,
+        in_order: bool = False,
     ) -> Hits:
-        part = self.parts.parts[number - 1] if number else None
-        scene = part.scene if part else self.parts.rest
-        if scene is None:
+        """The first hits of a layer from 1 on at image positions x, y (N,). in_order: as for ``cast``."""
+        part = self.parts.parts[number - 1]
+        if part is None:
             return cast_at_nothing(projection, x, y)
         rest = self.pixel_size, self.pixel_error
-        hits = cast(scene, projection, x, y, *rest, counts, columns, self.weighted)
-        if part and part.has_surroundings:
-            tile = TileProjectors(scene, projection, x, y, hits.mask, *rest)
+        hits = cast(part.scene, projection, x, y, *rest, counts, None, self.weighted, in_order)
+        if part.has_surroundings:
+            tile = TileProjectors(part.scene, projection, x, y, hits.mask, *rest)
             self.pass_beyond_halo(number, hits, tile, np.arange(len(x)), counts)
         return hits
 
@@ -111,12 +211,12 @@ class LayeredCast:
         part, layer = self.parts.parts[number - 1], self.projection.layers[number - 1]
         if not part or not part.has_surroundings:
             return
-        beyond, chance = np.arange(len(which)), _chances(tile.x[which], tile.y[which])
+        beyond = np.arange(len(which))
         for _ in range(MOST_PASSED):
-            there, around = hits.triangle[beyond], hits.position[:, beyond]
-            share = layer.halo_share(part.box.distance(around))
-            is_beyond = (self.parts.numbers.take(there) != number) & (share <= chance[beyond])
-            beyond = beyond[is_beyond & (there >= 0)]
+            there = hits.triangle[beyond]
+            beyond = beyond[(there >= 0) & (self.parts.numbers.take(there) != number)]
+            share = layer.halo_share(part.box.distance(hits.position[:, beyond]))
+            beyond = beyond[share <= _chances(tile.x[which[beyond]], tile.y[which[beyond]])]
             if not len(beyond):
                 return
             counts.rays += len(beyond)

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import Array, BoolArray, Float32Array
+from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.cancellation import raise_if_cancelled, uncancellable
 from ..common.geometry import renumbered
 from ..common.parallel import beside
 from .cast_triangles import CastTriangles
+from .clipped_triangles import clipped
 from .embreex import load_embreex
-from .occupancy import Occupancy
+from .occupancy import MOST_CELLS, SLACK, Occupancy
 from .prisms import Prisms, PrismScene, require_room_for_prisms
 from .traced_mesh import TracedMesh
 
@@ -26,6 +27,10 @@ SHADOW_END = 1e-4
 
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
+
+# Cells of the grid of a part's empty space, at least: it fills the part's own bounds, and a finer grid takes
+# longer than it saves.
+ENCLOSED_CELLS = 1 << 16
 
 # Parts (``CastScene.only``) that are kept at most.
 MOST_PARTS = 16
@@ -54,14 +59,19 @@ class CastScene(CastTriangles):
         super().__init__(vertices, triangles, space)
         self._build(beyond)
 
-    def _build(self, beyond: Beyond | None = None) -> None:
-        """Build the usable triangles in Embree; ``beyond`` is called at the same time."""
+    def _forget(self) -> None:
+        """Begin without anything that is built on demand."""
         self._lock = Lock()
         self._parts: dict[bytes, CastScene] = {}
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
+        self._pieces: Array | None = None
         self._beyond: tuple[Float32Array, NDArray[np.int32]] | None = None
         self._beyond_mesh: TracedMesh | None = None
+
+    def _build(self, beyond: Beyond | None = None) -> None:
+        """Build the usable triangles in Embree; ``beyond`` is called at the same time."""
+        self._forget()
         if beyond is None:
             self._build_mesh()
         else:
@@ -82,27 +92,80 @@ class CastScene(CastTriangles):
         usable: BoolArray = self.usable & kept
         if not usable.any():
             return None
-        key = np.packbits(kept).tobytes()
+
+        def build(part: CastScene) -> None:
+            """Build the triangles that are kept."""
+            part.usable = usable
+            part._build()
+
+        return self._part(np.packbits(kept).tobytes(), build)
+
+    def enclosed(self, kept: BoolArray, lower: Array, upper: Array) -> CastScene | None:
+        """As ``only``, of the parts of triangles in a box, which is wider than that by roundings.
+
+        lower, upper: (3,), cast space. Exact casting may hit the triangles beyond the box, too. The bounds of
+        the scene, and of its empty space, are those of what can be hit.
+        """
+        which = np.flatnonzero(self.usable & kept & self.within(lower - SLACK, upper + SLACK))
+        if not len(which):
+            return None
+
+        def build(part: CastScene) -> None:
+            """Build whole triangles, and pieces of those that are not inside."""
+            part.usable = np.zeros_like(self.usable)
+            part.usable[which] = True
+            part._build_enclosed(which, lower - SLACK, upper + SLACK)
+
+        key = np.packbits(kept).tobytes() + np.concatenate([lower, upper]).tobytes()
+        return self._part(key, build)
+
+    def _part(self, key: bytes, build: Callable[[CastScene], None]) -> CastScene:
+        """The part of a key, which is built if it is not cached."""
         if key not in self._parts:
             if len(self._parts) == MOST_PARTS:
                 self._parts.clear()
             part = copy(self)
-            part.usable = usable
-            part._build()
+            build(part)
             self._parts[key] = part
         return self._parts[key]
 
+    def _build_enclosed(self, which: IndexArray, lower: Array, upper: Array) -> None:
+        """Build triangles ``which`` (n,), cut at a box where they are not inside."""
+        self._forget()
+        corners = self._corners_at(which)
+        inside = ((corners >= lower[:, None]) & (corners <= upper[:, None])).all(axis=(0, 1))
+        whole, cut = which[inside], which[~inside]
+        pieces, owner = clipped(corners[:, :, ~inside], lower, upper)
+        used, faces = renumbered(self.triangles[whole], self.vertices.shape[1])
+        more = np.arange(3 * pieces.shape[2], dtype=np.int32).reshape(-1, 3) + np.int32(len(used))
+        self.mesh = TracedMesh(
+            np.concatenate([self.vertices[:, used], pieces.transpose(1, 2, 0).reshape(3, -1)], axis=1),
+            np.concatenate([faces, more]),
+            np.ones(len(faces) + len(more), bool),
+            np.concatenate([whole, cut[owner]]),
+        )
+        self._pieces = np.concatenate([corners[:, :, inside], pieces], axis=2)
+        self.lower, self.upper = self._pieces.min(axis=(0, 2)), self._pieces.max(axis=(0, 2))
+
+    def _corners_at(self, which: IndexArray) -> Array:
+        """The corners of triangles ``which`` (n,), (3 corners, 3, n)."""
+        corners: Array = self.vertices.take(self.triangles[which].T, 1).swapaxes(0, 1)
+        return corners
+
     def points_of(self, which: BoolArray) -> Array:
         """The vertices (3, n) of triangles ``which`` (T,), cast space."""
-        points: Array = self.vertices[:, np.unique(self.triangles[which])]
+        points: Array = self.vertices[:, renumbered(self.triangles[which], self.vertices.shape[1])[0]]
         return points
 
     def within(self, lower: Array, upper: Array) -> BoolArray:
         """Return whether the bounds of each triangle meet a box, (T,). lower, upper: (3,), cast space."""
-        met: BoolArray = np.ones(len(self.triangles), bool)
-        for places, low, high in zip(self.vertices, lower, upper, strict=True):
-            corners = places.take(self.triangles)
-            met &= (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
+        # Sides of the box beyond which vertices are, as bits: the corners of triangles outside share one.
+        beyond = np.zeros(self.vertices.shape[1], np.uint8)
+        for axis, (places, low, high) in enumerate(zip(self.vertices, lower, upper, strict=True)):
+            beyond |= (places < low).view(np.uint8) << np.uint8(2 * axis)
+            beyond |= (places > high).view(np.uint8) << np.uint8(2 * axis + 1)
+        first, second, third = (beyond.take(corner) for corner in self.triangles.T)
+        met: BoolArray = (first & second & third) == 0
         return met
 
     @property
@@ -132,8 +195,11 @@ class CastScene(CastTriangles):
         with self._lock:
             if self._occupancy is None:
                 with uncancellable():
-                    corners = self.vertices.take(self.triangles[self.usable].T, 1)
-                    self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
+                    if self._pieces is None:
+                        self._occupancy = Occupancy.of(self._corners_at(np.flatnonzero(self.usable)))
+                    else:
+                        cells = min(max(ENCLOSED_CELLS, self._pieces.shape[2]), MOST_CELLS)
+                        self._occupancy = Occupancy.of(self._pieces, cells=cells)
             return self._occupancy
 
     def occluded(self, origins: NDArray[Any], directions: NDArray[Any], distances: NDArray[Any]) -> BoolArray:

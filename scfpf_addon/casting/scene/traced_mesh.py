@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import BoolArray, Float32Array
+from ...projection.typing import BoolArray, Float32Array, IndexArray
 from ..common.cancellation import raise_if_cancelled
 from ..common.geometry import renumbered
 from .embree_meshes import build_mesh
@@ -22,18 +22,25 @@ class TracedMesh:
     """Triangles in Embree, pairs of them as quads where most are pairs.
 
     vertices: (3, V) of any dtype, cast space. triangles: (T, 3) int32. usable: (T,), those that rays can hit.
+    numbers: (T,), by which hits name them; None for their places.
     Rays are origins and directions (3, N) float32 and limits (N,) float32 in units of the direction's
     length; a negative limit switches a ray off. All methods raise Cancelled.
     """
 
-    def __init__(self, vertices: NDArray[Any], triangles: NDArray[np.int32], usable: BoolArray) -> None:
-        self._numbers: NDArray[np.int32] | None = None
+    def __init__(
+        self,
+        vertices: NDArray[Any],
+        triangles: NDArray[np.int32],
+        usable: BoolArray,
+        numbers: IndexArray | None = None,
+    ) -> None:
         kept = np.flatnonzero(usable)
         if 0 < len(kept) < len(usable) * FEW:
             used, triangles = renumbered(triangles[kept], vertices.shape[1])
             vertices, usable = vertices[:, used], np.ones(len(kept), bool)
-            # The last one stands for a miss, -1.
-            self._numbers = np.append(kept, -1).astype(np.int32)
+            numbers = kept if numbers is None else numbers.take(kept)
+        # The last one stands for a miss, -1.
+        self._numbers = None if numbers is None else np.append(numbers, -1).astype(np.int32)
         faces = triangles
         self.quads = Quads.of(triangles, usable)
         if self.quads:

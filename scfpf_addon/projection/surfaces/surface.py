@@ -352,17 +352,31 @@ class Grid(ControlSurface):
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         rows, columns = self.points.shape[:2]
-        across, up = u * (columns - 1), v * (rows - 1)
-        column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)
-        row = np.clip(np.floor(up), 0, rows - 2).astype(np.int64)
-        a, b = across - column, up - row
-        flat = np.ascontiguousarray(self.points.reshape(-1, 3).T, np.float64)
-        first = row * columns + column
-        c00, c10 = flat.take(first, 1), flat.take(first + 1, 1)
-        c01, c11 = flat.take(first + columns, 1), flat.take(first + columns + 1, 1)
+        (c00, c10, c01, c11), a, b = self._cells(u, v)
         bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
         along = (c10 - c00) * (1 - b) + (c11 - c01) * b
         return self._whole(bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom))
+
+    def local_position(self, u: Array, v: Array) -> Placement:
+        """See ControlSurface.local_position."""
+        (c00, c10, c01, c11), a, b = self._cells(u, v)
+        for low, high, share in ((c00, c10, a), (c01, c11, a), (c00, c01, b)):
+            # low + (high - low) * share, in place.
+            high -= low
+            high *= share
+            low += high
+        return Placement(c00, np.ones(len(u), bool))
+
+    def _cells(self, u: Array, v: Array) -> tuple[list[Array], Array, Array]:
+        """The corners 00, 10, 01, 11 of the cells that hold (u, v), (3, N) each, and the places in them."""
+        rows, columns = self.points.shape[:2]
+        across, up = u * (columns - 1), v * (rows - 1)
+        column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)
+        row = np.clip(np.floor(up), 0, rows - 2).astype(np.int64)
+        flat = np.ascontiguousarray(self.points.reshape(-1, 3).T, np.float64)
+        first = row * columns + column
+        corners = [flat.take(first + step, 1) for step in (0, 1, columns, columns + 1)]
+        return corners, across - column, up - row
 
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""

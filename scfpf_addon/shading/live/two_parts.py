@@ -131,6 +131,10 @@ class TwoPartScene(CastScene):
         moving = None if self._moving is None else self._moving.only(kept[count:])
         return TwoPartScene(self._still.only(kept[:count]), moving)
 
+    def enclosed(self, kept: BoolArray, lower: Array, upper: Array) -> CastScene | None:
+        """See ``CastScene``; triangles come whole."""
+        return self.only(kept & self.within(lower, upper))
+
     def points_of(self, which: BoolArray) -> Array:
         """See ``CastScene``."""
         count = len(self._still.usable)

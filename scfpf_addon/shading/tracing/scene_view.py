@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,7 +55,8 @@ class SceneView:
             return replace(self, projection=projection, depth_of_field=lens)
         matrix = self.cast_scene.matrix
         inside = projection.transformed(matrix)
-        return replace(self, projection=inside, depth_of_field=lens and lens.transformed(matrix))
+        parts = self.parts and self.parts.seen_by(inside.layers)
+        return replace(self, projection=inside, depth_of_field=lens and lens.transformed(matrix), parts=parts)
 
     def through_lens(self, share: Array | None) -> SceneView:
         """The view whose n projectors pass the lens at shares (2, n) of it; itself for None."""
@@ -118,8 +120,30 @@ class SceneView:
     ) -> tuple[Hits, Continuation | None]:
         """The hits as ``cast`` has them, and the continuation of their projectors, None without triangles."""
         hits = self.cast(x, y, counts, in_rows=in_rows)
+        return hits, self._continuation(x, y, hits)
+
+    def cast_samples(
+        self, samples: Sequence[tuple[SceneView, Array, Array]], counts: CastCounts
+    ) -> list[tuple[Hits, Continuation | None]]:
+        """As ``cast_with_continuation``, of several samples of the pixels of whole rows.
+
+        samples: of each, this view through its lens, and its image positions (n,).
+        """
+        if self.parts is None:
+            return [view.cast_with_continuation(x, y, counts, True) for view, x, y in samples]
+        columns = self.settings.width
+        rests = [view._layered(self.parts, False).rest_hits(x, y, counts, columns) for view, x, y in samples]
+        x, y = (np.concatenate([sample[axis] for sample in samples]) for axis in (1, 2))
+        found = self._layered(self.parts, False).in_front(x, y, rests, counts)
+        return [
+            (hits, view._continuation(x, y, hits))
+            for (view, x, y), (hits, _) in zip(samples, found, strict=True)
+        ]
+
+    def _continuation(self, x: Array, y: Array, hits: Hits) -> Continuation | None:
+        """The continuation of the projectors of hits at image positions (n,), None without triangles."""
         if self.cast_scene is None:
-            return hits, None
+            return None
         tile: ContinuedTile
         if self.parts:
             tile = LayeredProjectors(self._layered(self.parts, False), x, y, hits.mask)
@@ -133,7 +157,7 @@ class SceneView:
                 pixel_size=self.pixel_size,
                 pixel_error=self.settings.pixel_error,
             )
-        return hits, Continuation.of_tile(tile, len(x))
+        return Continuation.of_tile(tile, len(x))
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None

@@ -223,3 +223,17 @@ def test_a_mask_shows_a_layer_in_part():
     assert (shown[~right] == 0).all() and shown[right].any()
     np.testing.assert_array_equal(hits.t[right], full.t[right])
     np.testing.assert_array_equal(shown[right], layer[right])
+
+
+@pytest.mark.parametrize("seed", range(0, SCENES, 10))
+def test_samples_that_are_cast_together_are_those_cast_alone(seed):
+    _projection, _corners, _numbers, layered = random_case(seed)
+    x, y = pixel_centres(SIDE, SIDE, (0, SIDE))
+    samples = [(x + step / SIDE, y - step / SIDE) for step in (-0.3, 0.1, 0.4)]
+    rests = [layered.rest_hits(*each, CastCounts(), SIDE) for each in samples]
+    together = layered.in_front(*map(np.concatenate, zip(*samples, strict=True)), rests, CastCounts())
+    for place, found in zip(samples, together, strict=True):
+        alone = layered.first_hits(*place, CastCounts(), SIDE)
+        np.testing.assert_array_equal(found.layer, alone.layer)
+        for one, other in zip(found.hits, alone.hits, strict=True):
+            np.testing.assert_array_equal(one, other)
