@@ -3,7 +3,7 @@
 
 The targets of the pins move from the start's own image to what is wanted (a homotopy), a few steps each, so
 that each step stays where the linearisation holds. Then steps follow until they move nothing. A drag takes
-one step an event, from where the last one ended.
+a step an event, from where the last one ended.
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
 DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-4
 EASED, TIGHTENED, ATTEMPTS = 0.3, 8.0, 5
+# A drag goes a little way only, where the least damping of a long way would let what is weakly held swing. One
+# that is behind by more pixels takes a second step.
+DRAG_DAMPING, BEHIND = 1e-4, 1.0
 # The least t of pins.
 FIRST_T = 0.05
 # Projectors along x and y on which folds are tested, and a finer grid on which they are looked for after each
@@ -58,7 +61,8 @@ class Aim:
         self.net = Net(columns, rows, len(problem.patches))
         self.start = self.net.gather(problem.patches)
         self.points = self.start.copy()
-        self.damping, self.steps, self.orientation = DAMPING, 0, self._usual_orientation()
+        self.damping, self.least_damping = DAMPING, LEAST_DAMPING
+        self.steps, self.orientation = 0, self._usual_orientation()
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
@@ -151,12 +155,18 @@ class Aim:
         return self.result()
 
     def drag(self, pins: AimPins) -> AimResult:
-        """Take one step to pins that have moved a little, as many as before and in their order."""
+        """Take a step, at most two, to pins that have moved a little, as many as before and in their order."""
         t = self.t
         home = self.pin_energy.home_t
         self._begin_pins(pins)
         self.t, self.pin_energy.home_t = t, home
         self.pin_folds.look(t)
+        self.least_damping = DRAG_DAMPING
+        self.damping = max(self.damping, DRAG_DAMPING)
+        self.step(self.way.targets(1.0))
+        found = self.result()
+        if not len(found.residuals) or median(found.residuals) <= BEHIND:
+            return found
         self.step(self.way.targets(1.0))
         return self.result()
 
@@ -185,7 +195,7 @@ class Aim:
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
             if self._value(points, t, targets) < before:
-                self.damping = max(self.damping * EASED, LEAST_DAMPING)
+                self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)
             self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
