@@ -13,9 +13,9 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The way that is tried first, and others: stays that count more hold the background, and stays that count
-# less force no folds.
-FIRST, STILL, LOOSE = Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(stay=0.5)
+# The way that is tried first, and others: stays that count more hold the background, while pins and the
+# barrier hold their own against them, and stays that count less force no folds.
+FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
 # From a solved volume, the way of detours round what hides pins.
 FREEING = Schedule(stages=4, final_steps=40)
 # Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are

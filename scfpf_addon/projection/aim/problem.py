@@ -169,8 +169,8 @@ class Schedule:
     """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
 
     stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold, fold_growth: factor
-    of the barrier's weight, and the multiple to which it grows by then. stay, robust: factors of the weight
-    of stays, and of the distance from which they lose their influence. mends: whether folds are looked for on
+    of the barrier's weight, and the multiple to which it grows by then. pin, stay, robust: factors of the
+    weight of pins' distances and of stays, and of the distance from which stays lose their influence. mends: whether folds are looked for on
     a finer grid, from the first step on.
     """
 
@@ -179,6 +179,7 @@ class Schedule:
     final_steps: int = 24
     fold: float = 1.0
     fold_growth: float = 12.0
+    pin: float = 1.0
     stay: float = 1.0
     robust: float = 1.0
     mends: bool = False

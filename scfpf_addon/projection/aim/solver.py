@@ -55,7 +55,8 @@ class Aim:
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
         plan, weights = self.schedule, problem.weights
-        factors = {name: getattr(weights, name) * getattr(plan, name) for name in ("stay", "robust", "fold")}
+        names = ("pin", "stay", "robust", "fold")
+        factors = {name: getattr(weights, name) * getattr(plan, name) for name in names}
         self.weights = weights = replace(weights, **factors)
         rows, columns = problem.patches[0].points.shape[:2]
         self.net = Net(columns, rows, len(problem.patches))
@@ -119,8 +120,8 @@ class Aim:
         places = self.net.at(*pins.positions)
         self.pins, self.way = pins, Homotopy(places, self.start, pins, self.problem.width)
         self.t = self.way.t
-        weights, footprint = self.problem.weights, self.way.footprint
-        self.pin_energy = PinEnergy(places, pins, weights, self.t, footprint, self.problem.width)
+        footprint = self.way.footprint
+        self.pin_energy = PinEnergy(places, pins, self.weights, self.t, footprint, self.problem.width)
         self.pin_folds = FoldBarrier(places, self.orientation)
         # Energies of nothing would only cost time.
         lines, detours = self.problem.lines, self.problem.detours
