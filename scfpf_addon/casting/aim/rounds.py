@@ -13,9 +13,9 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The way that is tried first, and others: stays that count more hold the background, and stays that count
-# less force no folds.
-FIRST, STILL, LOOSE = Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(stay=0.5)
+# The way that is tried first, and others: stays that count more hold the background, while pins and the
+# barrier hold their own against them, and stays that count less force no folds.
+FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
 # From a solved volume, the way of detours round what hides pins.
 FREEING = Schedule(stages=4, final_steps=40)
 # Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
@@ -55,7 +55,7 @@ def solve_in_rounds(
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
     old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
-    mended if it folds. A last round frees hidden pins from where that ended.
+    mended if it folds, and if that fails stays count less. A last round frees hidden pins from where that ended.
     """
     rounds = _Rounds(old, report)
     try:
@@ -78,14 +78,28 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     if not finite:
         return None
     best = min(finite, key=rounds.rank)
-    if 0.0 < best.judgement.unclean <= MENDABLE and not best.judgement.misses_pins:
-        # Where stays of their weight force folds, they yield.
-        for way in dict.fromkeys([best.schedule, FIRST]):
-            mended = rounds.solve(replace(problem, solved=best.result), judged, way.mending())
-            finite += [mended] if mended else []
-            if mended and mended.judgement.is_clean:
-                break
+    # Where stays of their weight force folds, they yield.
+    finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
+    best = min(finite, key=rounds.final_rank)
+    if not best.judgement.is_clean and all(one.schedule != LOOSE for one in finite):
+        loose = rounds.solve(problem, judged, LOOSE)
+        finite += [loose, *_mended(rounds, problem, judged, loose, [LOOSE])] if loose else []
     return min(finite, key=rounds.final_rank)
+
+
+def _mended(
+    rounds: _Rounds, problem: AimProblem, judged: JudgeResult, folded: Round, ways: list[Schedule]
+) -> list[Round]:
+    """A round mended on ways in turn, until it is clean; none if it is, or if too much is missing."""
+    found: list[Round] = []
+    if not 0.0 < folded.judgement.unclean <= MENDABLE or folded.judgement.misses_pins:
+        return found
+    for way in dict.fromkeys(ways):
+        mended = rounds.solve(replace(problem, solved=folded.result), judged, way.mending())
+        found += [mended] if mended else []
+        if mended and mended.judgement.is_clean:
+            break
+    return found
 
 
 def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:

@@ -33,6 +33,10 @@ class PinTargets(NamedTuple):
     upward: Array
 
 
+# Residuals (10, P), the vectors (10, 3, P) that they measure along, samples and controls.
+Residuals = tuple[Array, Array, Along, Array]
+
+
 class PinEnergy:
     """Pins at their places, with one t a pin.
 
@@ -45,13 +49,21 @@ class PinEnergy:
         self.places, self.width = places, width
         self.weights, self.home_t, self.footprint = weights, t.copy(), footprint
         self.strength = pins.weights
+        # The last arguments of ``residuals``, and what it found.
+        self._found: tuple[tuple[Array, Array, PinTargets], Residuals] | None = None
         self.has_direction: BoolArray = np.isfinite(pins.directions).all(axis=0)
         self.has_frame: BoolArray = np.isfinite(pins.across).all(axis=0) & np.isfinite(pins.upward).all(
             axis=0
         )
 
-    def residuals(self, points: Array, t: Array, targets: PinTargets) -> tuple[Array, Array, Along, Array]:
-        """Residuals (10, P), the vectors (10, 3, P) that they measure along, samples and controls."""
+    def residuals(self, points: Array, t: Array, targets: PinTargets) -> Residuals:
+        """See ``Residuals``. Those of the same arrays are kept."""
+        asked = points, t, targets
+        if self._found is None or any(a is not b for a, b in zip(self._found[0], asked, strict=True)):
+            self._found = asked, self._measure(*asked)
+        return self._found[1]
+
+    def _measure(self, points: Array, t: Array, targets: PinTargets) -> Residuals:
         controls = self.places.controls(points)
         along = Along.of(controls, t)
         e1 = unit(across_of(targets.across, targets.directions))

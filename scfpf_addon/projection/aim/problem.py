@@ -169,9 +169,9 @@ class Schedule:
     """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
 
     stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold, fold_growth: factor
-    of the barrier's weight, and the multiple to which it grows by then. stay, robust: factors of the weight
-    of stays, and of the distance from which they lose their influence. mends: whether folds are looked for on
-    a finer grid, from the first step on.
+    of the barrier's weight, and the multiple to which it grows by then. pin, stay, robust: factors of the
+    weight of pins' distances and of stays, and of the distance from which stays lose their influence. mends:
+    whether folds are looked for on a finer grid, from the first step on.
     """
 
     stages: int = 8
@@ -179,6 +179,7 @@ class Schedule:
     final_steps: int = 24
     fold: float = 1.0
     fold_growth: float = 12.0
+    pin: float = 1.0
     stay: float = 1.0
     robust: float = 1.0
     mends: bool = False
@@ -190,7 +191,7 @@ class Schedule:
 
     def mending(self) -> Schedule:
         """The way from a result of this one that takes the last folds out of it."""
-        return replace(self, stages=1, final_steps=16, fold=2.0, fold_growth=3.0, mends=True)
+        return replace(self, stages=1, final_steps=16, fold=8.0, fold_growth=2.0, mends=True)
 
 
 @dataclass(frozen=True)

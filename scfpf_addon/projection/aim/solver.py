@@ -3,7 +3,7 @@
 
 The targets of the pins move from the start's own image to what is wanted (a homotopy), a few steps each, so
 that each step stays where the linearisation holds. Then steps follow until they move nothing. A drag takes
-one step an event, from where the last one ended.
+a step an event, from where the last one ended.
 """
 
 from __future__ import annotations
@@ -27,38 +27,49 @@ from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
 
-# Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
-SETTLED = 1.0
+# Steps at the end are enough when the control points move by less than so many pixels and no fold is left, or
+# when the energy falls by less than this share and all projectors are far from folds.
+SETTLED, LEAST_GAIN = 1.0, 0.03
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
 DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-4
 EASED, TIGHTENED, ATTEMPTS = 0.3, 8.0, 5
+# Drags and mending go a little way only, where the least damping of a long way would let what is weakly held
+# swing. An event of a drag that is behind by more pixels takes further steps, at most so many in all.
+DRAG_DAMPING, MENDING_DAMPING, BEHIND, DRAG_STEPS = 1e-3, 1e-2, 1.0, 3
 # The least t of pins.
 FIRST_T = 0.05
 # Projectors along x and y on which folds are tested, and a finer grid on which they are looked for after each
 # so many of the last steps; those found are tested from then on.
 FOLD_GRID, FINE_GRID, FOLD_SEARCH = (32, 18), (96, 48), 4
 # Found are those whose scaled Jacobian is below this share of the barrier's bound. A way that mends looks at
-# the pixels of an image of so many columns; its share, and that above which nothing is left to mend.
+# the pixels of an image of so many columns; its share, and that above which nothing is left to do.
 FOUND, MENDED_COLUMNS, MENDED_FOUND, MENDED = 0.2, 192, 1.0, 0.7
 # Stays and folds are told what projectors see before the first of so many steps.
 LOOK = 2
 
 
 class Aim:
-    """A problem being solved. points: (net points, surfaces, 3), the control points so far."""
+    """A problem being solved.
+
+    points: (net points, surfaces, 3), the control points so far. gain: the share by which the last step
+    reduced the energy.
+    """
 
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
         plan, weights = self.schedule, problem.weights
-        factors = {name: getattr(weights, name) * getattr(plan, name) for name in ("stay", "robust", "fold")}
+        names = ("pin", "stay", "robust", "fold")
+        factors = {name: getattr(weights, name) * getattr(plan, name) for name in names}
         self.weights = weights = replace(weights, **factors)
         rows, columns = problem.patches[0].points.shape[:2]
         self.net = Net(columns, rows, len(problem.patches))
         self.start = self.net.gather(problem.patches)
         self.points = self.start.copy()
-        self.damping, self.steps, self.orientation = DAMPING, 0, self._usual_orientation()
+        self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
+        self.damping, self.gain = max(DAMPING, self.least_damping), 1.0
+        self.steps, self.orientation = 0, self._usual_orientation()
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
@@ -86,7 +97,11 @@ class Aim:
             grid = self._grid(FINE_GRID)
         fine = FoldBarrier(grid, self.orientation)
         if self.problem.first_hits is not None:
-            fine.look(self.problem.first_hits(grid.controls(self.points)[0]).t)
+            t = self.problem.first_hits(grid.controls(self.points)[0]).t
+            if self.schedule.mends:
+                # What this pixel meets the next one may pass.
+                t = _farthest_near(t.reshape(len(grid.u), len(grid.v))).ravel()
+            fine.look(t)
         worst = fine.worst(self.points)
         folded = np.flatnonzero(worst < (MENDED_FOUND if self.schedule.mends else FOUND) * LEAST_JACOBIAN)
         if len(folded):
@@ -115,8 +130,8 @@ class Aim:
         places = self.net.at(*pins.positions)
         self.pins, self.way = pins, Homotopy(places, self.start, pins, self.problem.width)
         self.t = self.way.t
-        weights, footprint = self.problem.weights, self.way.footprint
-        self.pin_energy = PinEnergy(places, pins, weights, self.t, footprint, self.problem.width)
+        footprint = self.way.footprint
+        self.pin_energy = PinEnergy(places, pins, self.weights, self.t, footprint, self.problem.width)
         self.pin_folds = FoldBarrier(places, self.orientation)
         # Energies of nothing would only cost time.
         lines, detours = self.problem.lines, self.problem.detours
@@ -143,7 +158,8 @@ class Aim:
                 self.fold_strength = self.weights.fold * plan.fold_growth**growth
                 if final and step % FOLD_SEARCH == (0 if plan.mends else FOLD_SEARCH - 1):
                     worst = self._find_folds()
-                    if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
+                    is_over = step > 0 if plan.mends else self.gain < LEAST_GAIN and not warm
+                    if is_over and worst > MENDED * LEAST_JACOBIAN:
                         break
                 moved = self.step(targets)
                 if final and moved < SETTLED and not self.is_folded:
@@ -151,14 +167,19 @@ class Aim:
         return self.result()
 
     def drag(self, pins: AimPins) -> AimResult:
-        """Take one step to pins that have moved a little, as many as before and in their order."""
+        """Follow pins that have moved a little, as many as before and in their order, mostly by one step."""
         t = self.t
         home = self.pin_energy.home_t
         self._begin_pins(pins)
         self.t, self.pin_energy.home_t = t, home
         self.pin_folds.look(t)
-        self.step(self.way.targets(1.0))
-        return self.result()
+        self.least_damping, self.damping = DRAG_DAMPING, max(self.damping, DRAG_DAMPING)
+        for _ in range(DRAG_STEPS):
+            self.step(self.way.targets(1.0))
+            found = self.result()
+            if not len(found.residuals) or median(found.residuals) <= BEHIND:
+                break
+        return found
 
     def step(self, targets: PinTargets) -> float:
         """Take a damped Gauss–Newton step. Returns the longest move of a control point in pixels."""
@@ -184,8 +205,10 @@ class Aim:
             step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            if self._value(points, t, targets) < before:
-                self.damping = max(self.damping * EASED, LEAST_DAMPING)
+            value = self._value(points, t, targets)
+            if value < before:
+                self.gain = 1.0 - value / before
+                self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)
             self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
@@ -226,6 +249,14 @@ class Aim:
         """The control surfaces so far."""
         residuals = pin_residuals(self.pin_energy, self.points, self.t, self.pins.points, self.problem)
         return AimResult(self.net.patches(self.points), self.t.copy(), residuals, self.steps)
+
+
+def _farthest_near(t: Array) -> Array:
+    """The largest of values on a grid (U, V) and their eight neighbours."""
+    wide = np.pad(t, 1, mode="edge")
+    along = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    found: Array = np.maximum(np.maximum(along[:, :-2], along[:, 1:-1]), along[:, 2:])
+    return found
 
 
 def pin_residuals(energy: PinEnergy, points: Array, t: Array, wanted: Array, problem: AimProblem) -> Array:

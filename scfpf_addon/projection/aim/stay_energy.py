@@ -28,6 +28,9 @@ USUAL_COUNT = 512
 # A thing hides a stay if it is nearer by so much of t.
 NEARER = 0.01
 
+# t, the unit tangents, their speeds and ways from Q to stays.
+_Slid = tuple[Array, Array, Array, Array]
+
 
 class StayEnergy:
     """Stays on their projectors.
@@ -41,8 +44,9 @@ class StayEnergy:
         self.listed = np.flatnonzero(stays.weights.ravel() > LEAST_WEIGHT)
         self.points = stays.points.reshape(3, -1)[:, self.listed]
         self.weights = weights
-        # The last control points, and their projectors.
+        # The last control points and their projectors, and the last ones with what ``_slid`` found.
         self._seen: tuple[Array, Array] | None = None
+        self._found: tuple[Array, _Slid] | None = None
         share = np.sqrt(USUAL_COUNT / stays.weights.size)
         self.strength = weights.stay * share * stays.weights.ravel()[self.listed]
         controls = self.controls(points)
@@ -70,8 +74,16 @@ class StayEnergy:
         """Leave out the stays that wanted things hide, whose first hits are at ``hits_t`` (N,)."""
         self.active = np.where(wanted & (hits_t < self.t - NEARER), 0.0, 1.0)
 
-    def _slid(self, controls: Array) -> tuple[Array, Array, Array, Array]:
-        """The nearest t; there the unit tangent, its speed, and the way from Q to the stay."""
+    def _slid(self, points: Array) -> _Slid:
+        """The nearest t; there the unit tangent, its speed, and the way from Q to the stay.
+
+        Those of the same array are kept: ``value`` and ``linearise`` look at the same points in turn.
+        """
+        if self._found is None or self._found[0] is not points:
+            self._found = points, self._slide(self.controls(points)[0])
+        return self._found[1]
+
+    def _slide(self, controls: Array) -> _Slid:
         t = self.t
         for _ in range(2):
             position, dt = position_and_tangent(controls, t)
@@ -92,7 +104,7 @@ class StayEnergy:
 
     def value(self, points: Array) -> float:
         """The energy, with the footprints of the last linearisation."""
-        t, tangent, _, miss = self._slid(self.controls(points)[0])
+        t, tangent, _, miss = self._slid(points)
         miss, _, share = self._measure(t, tangent, miss)
         robust = dot(miss, miss) / self.footprint**2 * share
         turn = across_of(self.old_tangent, tangent)
@@ -106,7 +118,7 @@ class StayEnergy:
         projector ends before its stay.
         """
         controls = self.controls(points)
-        self.t, tangent, speed, miss = self._slid(controls[0])
+        self.t, tangent, speed, miss = self._slid(points)
         self.footprint = np.maximum(self._footprints(controls, self.t, tangent), self.least)
         miss, short, share = self._measure(self.t, tangent, miss)
         strength = (self.active * self.strength * share) ** 2
