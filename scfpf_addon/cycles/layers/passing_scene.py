@@ -37,6 +37,8 @@ QUICK = {
     "use_adaptive_sampling": False,
     "use_denoising": False,
     "max_bounces": 0,
+    # Positions need no light, and its tree takes a fifth of their time.
+    "use_light_tree": False,
     "pixel_filter_type": "BLACKMAN_HARRIS",
     "filter_width": 0.01,
     "time_limit": 0.0,
@@ -181,6 +183,8 @@ class PassingScene:
         scene = self.scene
         made = [bpy.data.collections.get((name, None)) for name in self._made]
         if scene is not None:
+            # Cycles frees the data that it has kept for further renders.
+            scene.render.use_persistent_data = False
             bpy.data.scenes.remove(scene)
         bpy.data.batch_remove([group for group in made if group is not None])
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -192,6 +196,8 @@ def _settle(scene, layer) -> None:
     render.engine = CYCLES
     render.use_multiview = render.use_sequencer = render.use_compositing = False
     render.use_freestyle = render.use_file_extension = False
+    # One picture takes several renders, of which only the first need send the scene to Cycles.
+    render.use_persistent_data = True
     # In a window: edits between two renders would be seen in one of them only.
     render.use_lock_interface = True
     scene.timeline_markers.clear()
