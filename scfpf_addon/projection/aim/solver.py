@@ -27,9 +27,8 @@ from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
 
-# Steps at the end are enough when the control points move by less than so many pixels and no fold is left, or
-# when the energy falls by less than this share and all projectors are far from folds.
-SETTLED, LEAST_GAIN = 1.0, 0.03
+# Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
+SETTLED = 1.0
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
@@ -44,18 +43,14 @@ FIRST_T = 0.05
 # so many of the last steps; those found are tested from then on.
 FOLD_GRID, FINE_GRID, FOLD_SEARCH = (32, 18), (96, 48), 4
 # Found are those whose scaled Jacobian is below this share of the barrier's bound. A way that mends looks at
-# the pixels of an image of so many columns; its share, and that above which nothing is left to do.
+# the pixels of an image of so many columns; its share, and that above which nothing is left to mend.
 FOUND, MENDED_COLUMNS, MENDED_FOUND, MENDED = 0.2, 192, 1.0, 0.7
 # Stays and folds are told what projectors see before the first of so many steps.
 LOOK = 2
 
 
 class Aim:
-    """A problem being solved.
-
-    points: (net points, surfaces, 3), the control points so far. gain: the share by which the last step
-    reduced the energy.
-    """
+    """A problem being solved. points: (net points, surfaces, 3), the control points so far."""
 
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
@@ -68,7 +63,7 @@ class Aim:
         self.start = self.net.gather(problem.patches)
         self.points = self.start.copy()
         self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
-        self.damping, self.gain = max(DAMPING, self.least_damping), 1.0
+        self.damping = max(DAMPING, self.least_damping)
         self.steps, self.orientation = 0, self._usual_orientation()
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
@@ -158,8 +153,7 @@ class Aim:
                 self.fold_strength = self.weights.fold * plan.fold_growth**growth
                 if final and step % FOLD_SEARCH == (0 if plan.mends else FOLD_SEARCH - 1):
                     worst = self._find_folds()
-                    is_over = step > 0 if plan.mends else self.gain < LEAST_GAIN and not warm
-                    if is_over and worst > MENDED * LEAST_JACOBIAN:
+                    if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
                         break
                 moved = self.step(targets)
                 if final and moved < SETTLED and not self.is_folded:
@@ -205,9 +199,7 @@ class Aim:
             step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            value = self._value(points, t, targets)
-            if value < before:
-                self.gain = 1.0 - value / before
+            if self._value(points, t, targets) < before:
                 self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)

@@ -21,6 +21,8 @@ OLD = judgement(pixels=60.0, moved=0.0)
 PATCH = NurbsPatch(np.zeros((4, 4, 3)))
 PROBLEM = AimProblem((PATCH,), 1920, 2.0, AimPins(np.zeros((3, 10)), np.zeros((2, 10))))
 MEND = rounds.FIRST.mending()
+# Where mending fails, stays yield, and what then folds is mended.
+YIELDING = [rounds.LOOSE, rounds.LOOSE.mending()]
 
 
 @pytest.fixture
@@ -74,13 +76,22 @@ def test_a_clean_one_wins_over_one_that_folds(chosen):
     ("first", "others"),
     [
         (judgement(moved=40.0), [rounds.STILL]),
-        (judgement(moved=40.0, folded=0.001), [rounds.STILL, MEND]),
+        (judgement(moved=40.0, folded=0.001), [rounds.STILL, MEND, *YIELDING]),
         (judgement(folded=0.02), [rounds.LOOSE, MEND]),
         (judgement(pixels=30.0), [rounds.LOOSE, rounds.STILL]),
     ],
 )
 def test_what_the_first_way_misses_chooses_the_others(chosen, first, others):
     assert chosen([first] * 9)[1] == [rounds.FIRST, *others]
+
+
+def test_where_mending_fails_stays_yield(chosen):
+    folded, good = judgement(folded=0.001), judgement()
+    ways = [rounds.FIRST, MEND, *YIELDING]
+    assert chosen([folded, folded, good]) == (3, ways[:3])
+    assert chosen([folded, folded, folded, good]) == (4, ways)
+    # One that is clean wins, also over one whose background stays.
+    assert chosen([folded, folded, judgement(moved=20.0)])[0] == 3
 
 
 def test_one_that_is_worse_than_before_loses(chosen):
@@ -93,9 +104,9 @@ def test_one_that_is_worse_than_before_loses(chosen):
 def test_progress_rises_and_stops(chosen):
     shares = []
     bad = judgement(folded=0.001)
-    chosen([bad] * 3, lambda share: bool(shares.append(share)))
+    chosen([bad] * 4, lambda share: bool(shares.append(share)))
     assert shares == sorted(shares) and 0.9 < shares[-1] <= 1.0
-    assert chosen([bad] * 3, lambda share: share > 0.71) == (None, [rounds.FIRST, MEND])
+    assert chosen([bad] * 4, lambda share: share > 0.71) == (None, [rounds.FIRST, MEND])
 
 
 @pytest.mark.parametrize(
