@@ -64,6 +64,7 @@ ONCE = (
     "casting/exact/test_exact_million.py",
     "casting/exact/test_exact_reference.py",
     "casting/exact/test_rational_projectors.py",
+    "casting/exact/test_thin_things.py",
     "casting/scene/test_occupancy.py",
     "casting/whole/test_cast_reference.py",
     "shading/picking/test_seen.py",
