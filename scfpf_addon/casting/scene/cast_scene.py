@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ...projection.typing import Array, BoolArray, Float32Array
 from ..common.cancellation import raise_if_cancelled, uncancellable
 from ..common.geometry import renumbered
 from ..common.parallel import beside
 from .cast_triangles import CastTriangles
-from .clipped_triangles import clipped
+from .clipped_triangles import enclosed_mesh
 from .embreex import load_embreex
 from .occupancy import MOST_CELLS, SLACK, Occupancy
 from .prisms import Prisms, PrismScene, require_room_for_prisms
@@ -114,7 +114,9 @@ class CastScene(CastTriangles):
             """Build whole triangles, and pieces of those that are not inside."""
             part.usable = np.zeros_like(self.usable)
             part.usable[which] = True
-            part._build_enclosed(which, lower - SLACK, upper + SLACK)
+            part._forget()
+            part.mesh, pieces = enclosed_mesh(self, which, lower - SLACK, upper + SLACK)
+            part._pieces, part.lower, part.upper = pieces, pieces.min(axis=(0, 2)), pieces.max(axis=(0, 2))
 
         key = np.packbits(kept).tobytes() + np.concatenate([lower, upper]).tobytes()
         return self._part(key, build)
@@ -128,29 +130,6 @@ class CastScene(CastTriangles):
             build(part)
             self._parts[key] = part
         return self._parts[key]
-
-    def _build_enclosed(self, which: IndexArray, lower: Array, upper: Array) -> None:
-        """Build triangles ``which`` (n,), cut at a box where they are not inside."""
-        self._forget()
-        corners = self._corners_at(which)
-        inside = ((corners >= lower[:, None]) & (corners <= upper[:, None])).all(axis=(0, 1))
-        whole, cut = which[inside], which[~inside]
-        pieces, owner = clipped(corners[:, :, ~inside], lower, upper)
-        used, faces = renumbered(self.triangles[whole], self.vertices.shape[1])
-        more = np.arange(3 * pieces.shape[2], dtype=np.int32).reshape(-1, 3) + np.int32(len(used))
-        self.mesh = TracedMesh(
-            np.concatenate([self.vertices[:, used], pieces.transpose(1, 2, 0).reshape(3, -1)], axis=1),
-            np.concatenate([faces, more]),
-            np.ones(len(faces) + len(more), bool),
-            np.concatenate([whole, cut[owner]]),
-        )
-        self._pieces = np.concatenate([corners[:, :, inside], pieces], axis=2)
-        self.lower, self.upper = self._pieces.min(axis=(0, 2)), self._pieces.max(axis=(0, 2))
-
-    def _corners_at(self, which: IndexArray) -> Array:
-        """The corners of triangles ``which`` (n,), (3 corners, 3, n)."""
-        corners: Array = self.vertices.take(self.triangles[which].T, 1).swapaxes(0, 1)
-        return corners
 
     def points_of(self, which: BoolArray) -> Array:
         """The vertices (3, n) of triangles ``which`` (T,), cast space."""
@@ -196,7 +175,7 @@ class CastScene(CastTriangles):
             if self._occupancy is None:
                 with uncancellable():
                     if self._pieces is None:
-                        self._occupancy = Occupancy.of(self._corners_at(np.flatnonzero(self.usable)))
+                        self._occupancy = Occupancy.of(self.corners_at(np.flatnonzero(self.usable)))
                     else:
                         cells = min(max(ENCLOSED_CELLS, self._pieces.shape[2]), MOST_CELLS)
                         self._occupancy = Occupancy.of(self._pieces, cells=cells)

@@ -162,6 +162,11 @@ class CastTriangles:
                 self._neighbours = edge_neighbours(self.triangles)
             return self._neighbours
 
+    def corners_at(self, which: IndexArray) -> Array:
+        """The corners of triangles ``which`` (n,), (3 corners, 3, n)."""
+        corners: Array = self.vertices.take(self.triangles[which].T, 1).swapaxes(0, 1)
+        return corners
+
     def normals(self, triangles: IndexArray) -> Array:
         """Unit geometric normals (3, N); corners are counter-clockwise seen from their tip."""
         normals: Array = self.planes[:3].take(triangles, 1)

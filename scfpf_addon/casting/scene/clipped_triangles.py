@@ -6,6 +6,32 @@ from __future__ import annotations
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
+from ..common.geometry import renumbered
+from .cast_triangles import CastTriangles
+from .traced_mesh import TracedMesh
+
+
+def enclosed_mesh(
+    scene: CastTriangles, which: IndexArray, lower: Array, upper: Array
+) -> tuple[TracedMesh, Array]:
+    """Build triangles ``which`` (n,) of a scene in Embree, cut at a box where they are not inside.
+
+    lower, upper: (3,), cast space. Also returns the corners of what is built, (3 corners, 3, M). Hits name
+    triangles by their numbers in the scene.
+    """
+    corners = scene.corners_at(which)
+    inside = ((corners >= lower[:, None]) & (corners <= upper[:, None])).all(axis=(0, 1))
+    whole, cut = which[inside], which[~inside]
+    pieces, owner = clipped(corners[:, :, ~inside], lower, upper)
+    used, faces = renumbered(scene.triangles[whole], scene.vertices.shape[1])
+    more = np.arange(3 * pieces.shape[2], dtype=np.int32).reshape(-1, 3) + np.int32(len(used))
+    mesh = TracedMesh(
+        np.concatenate([scene.vertices[:, used], pieces.transpose(1, 2, 0).reshape(3, -1)], axis=1),
+        np.concatenate([faces, more]),
+        np.ones(len(faces) + len(more), bool),
+        np.concatenate([whole, cut[owner]]),
+    )
+    return mesh, np.concatenate([corners[:, :, inside], pieces], axis=2)
 
 
 def clipped(corners: Array, lower: Array, upper: Array) -> tuple[Array, IndexArray]:
