@@ -15,7 +15,7 @@ from scfpf_addon.casting.aim.detours import free_pins
 from scfpf_addon.casting.aim.judge import COLUMNS, Judge, Judgement
 from scfpf_addon.casting.aim.released import Released
 from scfpf_addon.casting.aim.rounds import JudgeResult, Round, solve_in_rounds
-from scfpf_addon.casting.aim.stays import find_stays
+from scfpf_addon.casting.aim.stays import GRID, find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult
@@ -157,28 +157,37 @@ def setting(
     net: tuple[int, int] = NET,
     degree: int = DEGREE,
     columns: int = COLUMNS,
+    grid: tuple[int, int] = GRID,
 ) -> Setting:
-    """Aim pins in a place. halo: in world units. alone: nothing stays. columns: see ``Setting``."""
+    """Aim pins in a place. halo: in world units. alone: nothing stays. grid: of stays. See ``Setting``."""
     depth = float(np.median(place.frame[2] @ (pins.points - np.array(place.eye)[:, None])))
     start = start_volume(place.base, WIDTH, net, degree, subject=depth / place.far)
     before = projection_of(start.patches, ASPECT)
     halos = np.full(pins.count, halo)
     is_view = bool((pins.views >= 0).any())
     wanted = place.wanted & is_view
-    stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH),)
+    stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH, grid),)
     finder = hit_finder(place.scene, wanted)
     problem = AimProblem(start.patches, WIDTH, ASPECT, pins, stays, first_hits=finder)
     return Setting(place, before, problem, halos, columns)
 
 
-def view_setting(place: Place, left: float, up: float, degree: int = DEGREE) -> Setting:
+def view_setting(
+    place: Place, left: float, up: float, degree: int = DEGREE, grid: tuple[int, int] = GRID
+) -> Setting:
     """A single view of the place's thing; everything else stays."""
     pins = sample_view(place.scene, place.wanted, place.view(left, up))
-    return setting(place, pins, HALO * place.sphere[1], degree=degree)
+    return setting(place, pins, HALO * place.sphere[1], degree=degree, grid=grid)
 
 
 def random_setting(
-    place: Place, seed: int, degrees: float, shift: float, net: tuple[int, int] = NET, columns: int = COLUMNS
+    place: Place,
+    seed: int,
+    degrees: float,
+    shift: float,
+    net: tuple[int, int] = NET,
+    columns: int = COLUMNS,
+    grid: tuple[int, int] = GRID,
 ) -> Setting:
     """5 to 12 pins on what the image shows, shifted and turned at random; the rest is free to follow."""
     random = np.random.default_rng(seed)
@@ -200,7 +209,7 @@ def random_setting(
     moved = positions + random.uniform(-shift, shift, (2, count))
     depth = place.frame[2] @ (points - np.array(place.eye)[:, None])
     halo = 0.1 * float(np.median(depth)) * 2 * np.tan(ANGLE / 2)
-    return setting(place, AimPins(points, moved, directions), halo, net=net, columns=columns)
+    return setting(place, AimPins(points, moved, directions), halo, net=net, columns=columns, grid=grid)
 
 
 def _frame(forward: Array, up: Array) -> Array:

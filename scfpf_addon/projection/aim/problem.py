@@ -191,7 +191,7 @@ class Schedule:
 
     def mending(self) -> Schedule:
         """The way from a result of this one that takes the last folds out of it."""
-        return replace(self, stages=1, final_steps=16, fold=8.0, fold_growth=2.0, mends=True)
+        return replace(self, stages=1, final_steps=24, fold=8.0, fold_growth=2.0, mends=True)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.aim.cases import HALO, Place, figure, room, setting
+from benchmarks.aim.cases import GRID, HALO, NET, Place, figure, room, setting
 from benchmarks.hard_scenes import cube
 from scfpf_addon.casting.aim.detours import free_pins
 from scfpf_addon.casting.aim.rounds import FIRST, FREEING, Round, solve_in_rounds
@@ -15,8 +15,8 @@ from scfpf_addon.projection.aim.solver import solve
 from scfpf_addon.projection.volume.inverse import find_in_image
 
 OBSTACLE = 20
-# A smaller control net and image than those of the bars.
-SMALL, COLUMNS = (8, 6), 64
+# A smaller control net and image than those of the bars, and fewer stays.
+SMALL, COLUMNS, STAYS = (8, 6), 64, (32, 16)
 
 
 def with_box(place: Place, low, high) -> Place:
@@ -31,10 +31,10 @@ def with_box(place: Place, low, high) -> Place:
     )
 
 
-def front(place: Place, net=SMALL):
+def front(place: Place, net=SMALL, grid=STAYS):
     """The figure as the camera sees it."""
     pins = sample_view(place.scene, place.wanted, place.view(0.0, 0.0))
-    return setting(place, pins, HALO * place.sphere[1], net=net, columns=COLUMNS)
+    return setting(place, pins, HALO * place.sphere[1], net=net, columns=COLUMNS, grid=grid)
 
 
 def first_round(case):
@@ -59,7 +59,7 @@ def met_boxes(case, result):
 
 
 def test_a_figure_behind_a_post_comes_free():
-    case = front(with_box(figure(), (0.1, -1.1, 0.0), (0.3, -0.9, 3.0)), net=(12, 8))
+    case = front(with_box(figure(), (0.1, -1.1, 0.0), (0.3, -0.9, 3.0)), net=NET, grid=GRID)
     before = []
 
     def free(found):
@@ -91,7 +91,7 @@ def test_a_pin_by_itself_comes_free():
     # A column of the scene, behind the middle of the box.
     pin = AimPins(np.array([[0.5], [11.8], [1.0]]), np.zeros((2, 1)))
     pin = replace(pin, positions=place_in_image(place, pin.points))
-    case = setting(place, pin, 1.0, net=SMALL, columns=COLUMNS)
+    case = setting(place, pin, 1.0, net=SMALL, columns=COLUMNS, grid=STAYS)
     first = first_round(case)
     assert first.judgement.hidden_by[0] == OBSTACLE
     problem, released = free_pins(place.scene, case.problem, case.shown, *first[:2])
