@@ -55,7 +55,8 @@ def solve_in_rounds(
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
     old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
-    mended if it folds, and if that fails stays count less. A last round frees hidden pins from where that ended.
+    mended if it folds, and if that fails stays count less. A last round frees hidden pins from where that
+    ended.
     """
     rounds = _Rounds(old, report)
     try:
