@@ -167,9 +167,13 @@ class TileProjectors:
 class ContinuedTile(Protocol):
     """The projectors of a tile, see ``TileProjectors``."""
 
-    def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits: ...
+    def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
+        """The next hits of projectors ``which`` (n,) past those at t (n,) on ``triangle`` (n,)."""
+        ...
 
-    def exit_tangents(self, which: IndexArray) -> Array: ...
+    def exit_tangents(self, which: IndexArray) -> Array:
+        """The tangents (3, n) where projectors ``which`` (n,) leave the volume."""
+        ...
 
 
 @dataclass(frozen=True)

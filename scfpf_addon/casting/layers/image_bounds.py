@@ -112,5 +112,5 @@ def _parameters(projection: Projection, points: Array) -> tuple[Array, Array] | 
 
 
 def _ranges(projection: Projection) -> tuple[tuple[float, float], ...]:
-    """Where the parameters u and v begin in the image, and how far they go."""
+    """The start and the length of the range of u, and of that of v, in the image."""
     return tuple((low, high - low) for low, high in (projection.u_range, projection.v_range))

@@ -129,7 +129,7 @@ class LayerPart:
     bounds: ImageBounds | None
 
     def around(self, layer: ImageLayer) -> float:
-        """How far from the things the layer may show anything."""
+        """The width around the things within which the layer shows surroundings, 0 without any."""
         return layer.halo if self.has_surroundings else 0.0
 
 

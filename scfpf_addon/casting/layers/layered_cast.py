@@ -64,8 +64,7 @@ class KnownProjectors(Projection):
 
     def projectors(self, x: Array, y: Array) -> Projectors:
         """See ``Projection``, for the n image positions."""
-        if self.known is None:
-            return super().projectors(x, y)
+        assert self.known is not None
         if self.which is None:
             return self.known
         return Projectors(self.known.points.take(self.which, 2), self.known.valid.take(self.which))
@@ -104,10 +103,11 @@ class LayeredCast:
         return cast(self.parts.rest, self.projection, x, y, *rest, counts, columns, self.weighted)
 
     def in_front(self, x: Array, y: Array, rests: Sequence[Hits], counts: CastCounts) -> list[LayeredHits]:
-        """What is in front at image positions x, y (S·N,), of S samples of the same pixels one after another.
+        """The first hits of S samples of N pixels, one result a sample.
 
-        rests: of each sample the hits (N,) of layer 0, which are changed. Samples share the chords of
-        curved layers, which take longer to plan than to cast.
+        x, y: (S·N,) image positions, sample by sample. rests: each sample's hits (N,) of layer 0, which are
+        changed in place. All samples share the chords of curved layers: planning them takes longer than
+        casting.
         """
         size = max(len(x) // len(rests), 1)
         layer = np.zeros(len(x), np.uint8)

@@ -32,7 +32,7 @@ def test_pieces_have_the_area_in_the_box():
 
 
 def meetings(corners, start, way):
-    """Where segments (N, 3) meet triangles (T, 3, 3), as shares of the segments (T, N); inf for misses."""
+    """The shares (T, N) of segments (N, 3) at which they meet triangles (T, 3, 3); inf for misses."""
     first, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(way[None], across[:, None])
     volume = np.einsum("tnc,tc->tn", normal, along)
