@@ -201,7 +201,7 @@ class Judge:
         return float(np.sign(determinant(self.before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum()))
 
     def _pixels(self, place: Inverse, positions: Array) -> Array:
-        """The distances (N,) of found parameters from image positions (2, N) in pixels; inf where none was found."""
+        """The distances (N,) in pixels of a found place from image positions (2, N), inf where not found."""
         across, up = place.u - positions[0], (place.v - positions[1]) / self.before.aspect
         return np.where(place.found, np.hypot(across, up) * self.width, np.inf)
 
