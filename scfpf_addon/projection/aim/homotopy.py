@@ -41,20 +41,21 @@ class _Turn(NamedTuple):
 class Homotopy:
     """The targets of pins between the start and what is wanted.
 
-    t: (P,), where they are on the start's projectors. footprint: (P,), world units in a pixel there.
+    t: (P,), where they are on the start's projectors. footprint: (P,), world units in a pixel there. last: the
+    way before the pins moved in the image by a few pixels: their t and turns hold on if that is all.
     """
 
-    def __init__(self, places: Places, start: Array, pins: AimPins, width: int) -> None:
+    def __init__(
+        self, places: Places, start: Array, pins: AimPins, width: int, last: Homotopy | None = None
+    ) -> None:
         self._pins = pins
         controls = places.controls(start)
-        distance = np.linalg.norm(pins.pivots - controls[0, 0], axis=0)
-        along = Along.of(controls, _t_at_distance(controls[0], distance))
-        self._turns = self._found_turns(along)
-        wanted = along.position.copy()
-        for turn in self._turns:
-            away = turn.matrix.T @ (pins.points[:, turn.which] - turn.pivot)
-            wanted[:, turn.which] = turn.old_pivot + away
-        self.t = np.clip(nearest_t(controls[0], wanted), *PIN_T)
+        if last is not None and last.differs_in_positions_only(pins):
+            turns, t = last._turns, last.t
+        else:
+            turns, t = self._begun(controls)
+        self._turns: list[_Turn] = turns
+        self.t: Array = t
         along = Along.of(controls, self.t)
         tangent = unit(along.dt)
         across, upward = across_of(along.du, tangent), across_of(along.dv, tangent)
@@ -62,6 +63,24 @@ class Homotopy:
         footprint = np.sqrt(dot(across, across)) / width
         typical = float(median(footprint)) if len(footprint) else 1.0
         self.footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
+
+    def differs_in_positions_only(self, pins: AimPins) -> bool:
+        """Return whether pins want the same points and directions as these, perhaps elsewhere in the image."""
+        names = ("points", "directions", "across", "upward", "views", "pivots")
+        pairs = ((getattr(self._pins, name), getattr(pins, name)) for name in names)
+        return all(np.array_equal(one, other, equal_nan=True) for one, other in pairs)
+
+    def _begun(self, controls: Array) -> tuple[list[_Turn], Array]:
+        """The motion of the pins, and where they are at the start, ``t``."""
+        pins = self._pins
+        distance = np.linalg.norm(pins.pivots - controls[0, 0], axis=0)
+        along = Along.of(controls, _t_at_distance(controls[0], distance))
+        turns = self._found_turns(along)
+        wanted = along.position.copy()
+        for turn in turns:
+            away = turn.matrix.T @ (pins.points[:, turn.which] - turn.pivot)
+            wanted[:, turn.which] = turn.old_pivot + away
+        return turns, np.clip(nearest_t(controls[0], wanted), *PIN_T)
 
     def _found_turns(self, along: Along) -> list[_Turn]:
         """The turns of views and of pins by themselves. along: the start at the distances of the pivots."""

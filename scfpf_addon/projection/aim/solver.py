@@ -27,8 +27,11 @@ from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
 
-# Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
+# Steps at the end are enough when no fold is left and the control points move by less than so many pixels, or
+# when so many steps in turn have each lowered the energy by less than this share, once folds were looked for.
+# Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
+LEAST_GAIN, SMALL_GAINS = 1e-2, 2
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
@@ -65,6 +68,8 @@ class Aim:
         self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
         self.damping = max(DAMPING, self.least_damping)
         self.steps, self.orientation = 0, self._usual_orientation()
+        # The share by which the last step lowered the energy.
+        self.gain = 1.0
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
@@ -120,10 +125,10 @@ class Aim:
         spans = np.linalg.norm(np.diff(nets, axis=0), axis=3).sum(axis=0)
         return np.asarray(median(spans) / self.problem.width)
 
-    def _begin_pins(self, pins: AimPins) -> None:
-        """Find the way of the pins from the start."""
+    def _begin_pins(self, pins: AimPins, last: Homotopy | None = None) -> None:
+        """Find the way of the pins from the start. last: the one before they moved a little."""
         places = self.net.at(*pins.positions)
-        self.pins, self.way = pins, Homotopy(places, self.start, pins, self.problem.width)
+        self.pins, self.way = pins, Homotopy(places, self.start, pins, self.problem.width, last)
         self.t = self.way.t
         footprint = self.way.footprint
         self.pin_energy = PinEnergy(places, pins, self.weights, self.t, footprint, self.problem.width)
@@ -140,6 +145,7 @@ class Aim:
         From a solved result only the detours are on their way, and a way that mends ends when nothing folds.
         """
         plan, warm = self.schedule, self.problem.solved is not None
+        small = 0
         for stage in range(1, plan.stages + 1):
             share = stage / plan.stages
             targets = self.way.targets(1.0 if warm else share)
@@ -156,7 +162,9 @@ class Aim:
                     if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
                         break
                 moved = self.step(targets)
-                if final and moved < SETTLED and not self.is_folded:
+                counts = final and step >= FOLD_SEARCH and not self.detours
+                small = small + 1 if counts and self.gain < LEAST_GAIN else 0
+                if final and (moved < SETTLED or small >= SMALL_GAINS) and not self.is_folded:
                     break
         return self.result()
 
@@ -164,7 +172,7 @@ class Aim:
         """Follow pins that have moved a little, as many as before and in their order, mostly by one step."""
         t = self.t
         home = self.pin_energy.home_t
-        self._begin_pins(pins)
+        self._begin_pins(pins, self.way)
         self.t, self.pin_energy.home_t = t, home
         self.pin_folds.look(t)
         self.least_damping, self.damping = DRAG_DAMPING, max(self.damping, DRAG_DAMPING)
@@ -199,11 +207,14 @@ class Aim:
             step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            if self._value(points, t, targets) < before:
+            after = self._value(points, t, targets)
+            if after < before:
+                self.gain = (before - after) / before
                 self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)
             self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
+        self.gain = 0.0
         return 0.0
 
     def _look(self) -> None:

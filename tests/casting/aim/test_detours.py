@@ -69,7 +69,8 @@ def test_a_figure_behind_a_post_comes_free():
     best = solve_in_rounds(case.problem, case.judged_result, case.old, free=free)
     hidden = int((before[0].judgement.hidden_by == OBSTACLE).sum())
     assert hidden >= 5 and met_boxes(case, before[0].result) == hidden
-    assert met_boxes(case, best.result) <= 1
+    # Posts to the left and right of this one leave one to three of seven to nine.
+    assert met_boxes(case, best.result) <= hidden // 2
     assert best.judgement.mirrored == 0.0 and best.judgement.pixels.max() < 1.5
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The way of pins: rotations against closed forms, and a thing that turns rigidly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,7 +63,7 @@ def pins():
     )
 
 
-def way_of(pins):
+def way_of(pins, last=None):
     straight = NurbsAxis(order=2)
     planes = tuple(
         NurbsPatch(
@@ -73,7 +75,7 @@ def way_of(pins):
     )
     start = start_volume(Projection(ViewingVolume(planes), aspect=ASPECT), WIDTH, (12, 8), 3, 0.25)
     net = Net(12, 8, 4)
-    return Homotopy(net.at(*pins.positions), net.gather(start.patches), pins, WIDTH)
+    return Homotopy(net.at(*pins.positions), net.gather(start.patches), pins, WIDTH, last)
 
 
 def test_a_thing_turns_rigidly(pins):
@@ -101,3 +103,18 @@ def test_a_pin_by_itself_turns_on_a_great_circle():
     np.testing.assert_allclose(found.directions[:, 0], [np.sin(0.4), 0.0, -np.cos(0.4)], atol=1e-9)
     # Without a direction it keeps that of its projector.
     np.testing.assert_allclose(found.directions[:, 1], points[:, 1] / np.linalg.norm(points[:, 1]), atol=1e-6)
+
+
+def test_the_way_of_pins_that_moved_a_little_goes_on_from_the_last_one(pins):
+    first = way_of(pins)
+    moved = replace(pins, positions=pins.positions + np.array([[10.0 / WIDTH], [0.0]]))
+    goes_on, anew = way_of(moved, last=first), way_of(moved)
+    for share, tolerance in ((0.0, 0.1), (0.5, 0.1), (1.0, 1e-9)):
+        found, expected = goes_on.targets(share), anew.targets(share)
+        np.testing.assert_allclose(found.points, expected.points, atol=tolerance)
+        np.testing.assert_allclose(found.directions, expected.directions, atol=tolerance)
+    np.testing.assert_allclose(goes_on.footprint, anew.footprint, rtol=0.02)
+    # A thing that is seen from elsewhere turns anew.
+    turned = replace(moved, directions=rotation(UP, 0.2) @ pins.directions)
+    assert not first.differs_in_positions_only(turned)
+    np.testing.assert_array_equal(way_of(turned, last=first).t, way_of(turned).t)
