@@ -41,8 +41,8 @@ class _Turn(NamedTuple):
 class Homotopy:
     """The targets of pins between the start and what is wanted.
 
-    t: (P,), where they are on the start's projectors. footprint: (P,), world units in a pixel there. last: the
-    way before the pins moved in the image by a few pixels: their t and turns hold on if that is all.
+    t: (P,), where they are on the start's projectors. footprint: (P,), world units in a pixel there. last:
+    the way before the pins moved in the image by a few pixels: their t and turns hold on if that is all.
     """
 
     def __init__(
