@@ -65,7 +65,7 @@ class Homotopy:
         self.footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
 
     def differs_in_positions_only(self, pins: AimPins) -> bool:
-        """Return whether pins want the same points and directions as these, perhaps elsewhere in the image."""
+        """Return whether pins want what these want, perhaps elsewhere in the image."""
         names = ("points", "directions", "across", "upward", "views", "pivots")
         pairs = ((getattr(self._pins, name), getattr(pins, name)) for name in names)
         return all(np.array_equal(one, other, equal_nan=True) for one, other in pairs)
