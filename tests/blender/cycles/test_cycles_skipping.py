@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from rig_scenes import (
     VOLUMES,
+    keep_groups,
     project,
     render_passes,
     show_whole_sheets,
+    start_anew,
     switch,
     volume_scene,
 )
@@ -28,6 +30,14 @@ PRESETS = (
 ROUNDED = 2
 # Positions differ by the rounding of float32, as a share of the largest coordinate.
 PLACE = 1e-4
+
+
+@pytest.fixture(autouse=True)
+def empty_file(extension):
+    """In place of an empty file."""
+    start_anew()
+    yield
+    keep_groups()
 
 
 @pytest.fixture
@@ -72,8 +82,6 @@ def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, 
     thin_things(addon, camera)
     assert switch(camera) == {"FINISHED"}
     rig = rig_of()
-    for group in bpy.data.node_groups:
-        group.use_fake_user = True
     assert skipping.skips(rig), rig.scfpf_rig.travels_all
     some = render_passes(tmp_path / "some")
     assert skipping.skips(rig)
@@ -143,8 +151,6 @@ def rigged(addon, rig_of):
     scene.collection.objects.link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
     bpy.context.view_layer.update()
     assert switch(camera) == {"FINISHED"}
-    for group in bpy.data.node_groups:
-        group.use_fake_user = True
     bpy.context.view_layer.update()
     return rig_of()
 
