@@ -196,6 +196,8 @@ def shown(path):
 def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of, tmp_path, monkeypatch):
     """Smoke and lamps are not skipped: the chords inside a cube of smoke meet none of its faces."""
     scene = bpy.context.scene
+    # Rays in smoke take long.
+    scene.render.resolution_percentage = 50
     camera = scene.objects["Camera"]
     projection = project(addon, camera)
     middle = projection.volume.evaluate(
@@ -239,7 +241,7 @@ def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of,
     every = shown(tmp_path / "every")
     assert not skipping.skips(rigged)
     off = np.abs(some - every).max(axis=2)
-    print(off.max(), (off > 0.1).mean(), off.mean(), some.mean(axis=(0, 1)) - every.mean(axis=(0, 1)))
+    print(off.max(), (off > 0.15).mean(), off.mean(), some.mean(axis=(0, 1)) - every.mean(axis=(0, 1)))
 
     assert every[..., 3].std() > 0.05
     assert (off > 0.15).mean() < 0.005 and abs(some - every).mean() < 0.01
