@@ -70,6 +70,8 @@ def extension():
     else:
         link_folder(folder / "scfpf", ROOT)
         assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    # Of a scene's empty space: the least grid that pays in large images takes longer than a test's picture.
+    importlib.import_module(f"{MODULE}.scfpf_addon.casting.scene.occupancy").CELLS = 1 << 15
     yield importlib.import_module(MODULE)
     bpy.ops.preferences.addon_disable(module=MODULE)
 
