@@ -89,8 +89,13 @@ def addon():
 
 @pytest.fixture(autouse=True)
 def empty_file(extension):
-    """Every test starts from a file with one empty scene."""
+    """Every test starts from a file with one empty scene: the second from the first one's, in half the time."""
+    path = os.path.join(SCRATCH.name, "empty.blend")
+    if os.path.exists(path):
+        bpy.ops.wm.read_homefile(filepath=path)
+        return
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
 
 
 @pytest.fixture
