@@ -139,6 +139,27 @@ def built_groups(empty_file):
 
 
 @pytest.fixture
+def kept_street(monkeypatch):
+    """The demo's street is built once a session: that takes ten times as long as opening it again."""
+    from demo import render_demo
+    from demo.compositions import joiner, squares
+    from demo.recipes import scenes
+
+    path, build = os.path.join(SCRATCH.name, "street.blend"), render_demo.build_street
+
+    def build_street():
+        if os.path.exists(path):
+            bpy.ops.wm.read_homefile(filepath=path)
+            return bpy.context.scene
+        scene = build()
+        bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+        return scene
+
+    for module in (render_demo, joiner, squares, scenes):
+        monkeypatch.setattr(module, "build_street", build_street)
+
+
+@pytest.fixture
 def light_nodes(addon, monkeypatch):
     """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
 
