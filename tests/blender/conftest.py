@@ -129,13 +129,26 @@ def built_groups(empty_file):
     path = os.path.join(SCRATCH.name, "groups.blend")
     kept = set()
     if os.path.exists(path):
-        with bpy.data.libraries.load(path) as (there, here):
-            here.node_groups = list(there.node_groups)
-        kept = {group.name for group in here.node_groups}
+        bpy.ops.wm.read_homefile(filepath=path)
+        kept = {group.name for group in bpy.data.node_groups}
+        for group in bpy.data.node_groups:
+            group.use_fake_user = False
     yield
     made = {group for group in bpy.data.node_groups if group.name.startswith("SCFPF") and not group.library}
     if {group.name for group in made} - kept:
-        bpy.data.libraries.write(path, made)
+        keep_file_of(made, path)
+
+
+def keep_file_of(groups, path):
+    """Write an empty file with some node groups: it opens in a tenth of the time that appending them takes."""
+    alone = f"{path}.alone"
+    bpy.data.libraries.write(alone, groups)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(alone) as (there, here):
+        here.node_groups = list(there.node_groups)
+    for group in bpy.data.node_groups:
+        group.use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
 
 
 @pytest.fixture
