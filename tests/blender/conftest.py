@@ -15,8 +15,8 @@ if IS_MODULE:  # inside a Blender, tests/run_in_blender.py has done it before Bl
     os.environ["BLENDER_USER_RESOURCES"] = os.path.join(SCRATCH.name, "profile")
     os.mkdir(os.environ["BLENDER_USER_RESOURCES"])  # Blender passes over a folder that is not there
 # Processes that tests start compile the extension once, not each for itself.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ["PYTHONPYCACHEPREFIX"] = os.path.join(SCRATCH.name, "compiled")
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    os.environ["PYTHONPYCACHEPREFIX"] = os.path.join(SCRATCH.name, "compiled")
 
 # For the modules in support/, which several tests share.
 sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "support"))
