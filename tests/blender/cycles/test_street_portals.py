@@ -9,8 +9,14 @@ from scfpf_addon.cycles.chord_planning import BYTES_PER_VERTEX
 SLACK = 0.01
 # Bytes of the sheets of an image.
 MOST_MEMORY = 100e6
-# The presets whose sheets are made, those with the most vertices. Of the others the faces that they need count.
-SHEETS = ("equirectangular", "mirror_ball", "orthographic_to_perspective", "sample_rate_lens", "around_the_car")
+# The presets whose sheets are made, with the most vertices. Of the others, faces that they need are counted.
+SHEETS = (
+    "equirectangular",
+    "mirror_ball",
+    "orthographic_to_perspective",
+    "sample_rate_lens",
+    "around_the_car",
+)
 
 
 def test_portals_on_the_street_are_those_of_the_file():

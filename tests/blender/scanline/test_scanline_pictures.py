@@ -284,7 +284,7 @@ def tiles_with_holes(flexible, camera):
 
 
 def pieces_of_two_surfaces(flexible, camera):
-    """The near surface is in two tiles, the far one in three, with other borders: all are slanted, and cross."""
+    """The near surface is in two tiles, the far one in three, with other borders, slanted, that cross."""
     near = [[(0, 0), (1, 0), (1, 0.4), (0, 0.55)], [(0, 0.55), (1, 0.4), (1, 1), (0, 1)]]
     far = [
         [(0, 0), (0.4, 0), (0.25, 1), (0, 1)],
