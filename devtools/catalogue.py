@@ -11,6 +11,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -89,19 +90,25 @@ def written() -> Iterator[str]:
                 yield from _shown_by(node)
 
 
-def raised() -> Iterator[str]:
+@cache
+def raised() -> tuple[str, ...]:
     """The texts of messages, and those of errors that are derived from TemplateError."""
+    return tuple(_raised())
+
+
+def _raised() -> Iterator[str]:
     paths = sorted((ROOT / "scfpf_addon").rglob("*.py"))
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
     kinds = {"Message", "TemplateError"}
-    classes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    nodes = [list(ast.walk(tree)) for tree in trees]
+    classes = [node for each in nodes for node in each if isinstance(node, ast.ClassDef)]
     bases = {node.name: set(map(ast.unparse, node.bases)) for node in classes}
     while more := {name for name in bases if bases[name] & kinds} - kinds:
         kinds |= more
-    for tree in trees:
+    for tree, each in zip(trees, nodes, strict=True):
         assigned = [node for node in tree.body if isinstance(node, ast.Assign)]
         named = {ast.unparse(node.targets[0]): node.value for node in assigned}
-        for node in ast.walk(tree):
+        for node in each:
             if isinstance(node, ast.Call) and ast.unparse(node.func) in kinds and node.args:
                 template = node.args[0]
                 yield from _constants(named.get(ast.unparse(template), template))

@@ -24,6 +24,9 @@ TILE_PIXELS = 3 << 15
 # An image is cut into at least this many tiles, if it has so many rows, so that all cores work.
 FEWEST_TILES = 16
 
+# But pixels of smaller tiles take twice the time: NumPy's overhead is all of it, which no thread shares.
+FEWEST_PIXELS = 1 << 10
+
 # Seconds between two checks of the threads' progress and of cancellation.
 POLL_SECONDS = 0.05
 
@@ -48,7 +51,8 @@ def image_tiles(width: int, height: int) -> list[slice]:
     """
     if width < 1 or height < 1:
         raise CastError("an image of {0} × {1} pixels cannot be cast", width, height)
-    most = max(1, min(TILE_PIXELS // width, -(-height // FEWEST_TILES)))
+    enough = max(-(-height // FEWEST_TILES), FEWEST_PIXELS // width)
+    most = max(1, min(TILE_PIXELS // width, enough))
     count = -(-height // most)
     bounds = [height * k // count for k in range(count + 1)]
     return [slice(start, end) for start, end in pairwise(bounds)]

@@ -203,6 +203,7 @@ def test_render_button_says_that_it_makes_one_view(stereo_scene, capfd):
     assert "all views" not in capfd.readouterr().out
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon, capfd):
     """Cycles renders the camera between the eyes twice, rather than past the rig's screen."""
     scene = stereo_scene
@@ -219,6 +220,7 @@ def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon, capfd):
     assert all(np.array_equal(both[view], alone) for view in VIEWS)
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_rig_and_views_with_cameras_of_their_own_are_refused(stereo_scene):
     scene = stereo_scene
     make_flexible(scene)

@@ -60,7 +60,6 @@ def sheets_off(addon, camera):
     number = np.repeat(np.arange(len(breaks)), len(x))
     x, y = (np.tile(a, len(breaks)) for a in (x, y))
     there = values(mesh, "position", 3)[:, -len(x) :]
-    t, shift = breaks[number], shifts[number]
     scene = bpy.context.scene.render
     projection = addon("bridge.camera.read_projection").read_projection(
         camera, bpy.context.evaluated_depsgraph_get(), scene.resolution_x / scene.resolution_y
@@ -73,8 +72,10 @@ def sheets_off(addon, camera):
     controls = projection.volume.controls(image.u, image.v)
     usable = inside & image.mask & controls.valid
     largest, spans, size = 0.0, projection.volume.spans, np.ptp(there[:, usable], axis=1).max()
-    for at, by in np.unique(np.stack([t, shift])[:, usable], axis=1).T:
-        which = usable & (t == at) & (shift == by)
+    for sheet, (at, by) in enumerate(zip(breaks, shifts, strict=True)):
+        which = np.flatnonzero(usable & (number == sheet))
+        if len(which) == 0:
+            continue
         span = int(np.clip(np.searchsorted(spans.breaks, at) - 1, 0, len(spans.matrices) - 1))
         low, high = spans.breaks[span : span + 2]
         weights, _, bends = spans.within(span, np.array([(at - low) / (high - low)]))

@@ -5,7 +5,16 @@ import bpy
 import numpy as np
 import pytest
 from engine_images import passes, write_multilayer
-from rig_scenes import add_box, project, reference, show_whole_sheets, switch, volume_scene
+from rig_scenes import (
+    add_box,
+    keep_groups,
+    project,
+    reference,
+    show_whole_sheets,
+    start_anew,
+    switch,
+    volume_scene,
+)
 
 WIDTH, HEIGHT = 60, 40
 FRAMES = (1, 4, 6)
@@ -13,6 +22,14 @@ FRAMES = (1, 4, 6)
 ROUNDED = 2
 # Their values in a blurred image of things that glow differ by more.
 BLUR_OFF = 0.02
+
+
+@pytest.fixture(autouse=True)
+def empty_file(extension):
+    """In place of an empty file."""
+    start_anew()
+    yield
+    keep_groups()
 
 
 @pytest.fixture

@@ -74,9 +74,17 @@ def populate(generator, count, place):
         lambda: bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3),
         lambda: bpy.ops.object.text_add(),
     )
+    first = {}
     for number in range(1, count + 1):
-        primitives[number % len(primitives)]()
-        obj = bpy.context.object
+        kind = number % len(primitives)
+        if kind not in first:
+            primitives[kind]()
+            first[kind] = obj = bpy.context.object
+        else:
+            # Operators update the scene each time, and take ten times as long.
+            obj = first[kind].copy()
+            obj.data = first[kind].data.copy()
+            bpy.context.scene.collection.objects.link(obj)
         obj.name, obj.pass_index = f"Object {number}", number
         obj.location = place(generator)
         obj.rotation_euler = generator.uniform(-math.pi, math.pi, 3)

@@ -5,29 +5,41 @@ import bpy
 import numpy as np
 import pytest
 from rig_scenes import (
-    VOLUMES,
+    keep_groups,
     project,
     render_passes,
     show_whole_sheets,
+    start_anew,
     switch,
     volume_scene,
 )
 
 WIDTH, HEIGHT = 72, 48
-PRESETS = (
-    "angular_fisheye",
+# test_cycles_skipped_things has the others, and moves their surfaces.
+SHOWN = (
     "around_the_car",
-    "deep_curvy_volume",
     "house_of_stairs",
     "mirror_ball",
     "nonlinear_twist",
-    "occlusion_camera",
     "perspective",
+    "bent cubic",
+    "B-spline",
+    "NURBS",
+    "loop",
+    "grids",
 )
 # Pixels that may differ: rounding decides which of two things that touch in a pixel its ray meets.
 ROUNDED = 2
 # Positions differ by the rounding of float32, as a share of the largest coordinate.
 PLACE = 1e-4
+
+
+@pytest.fixture(autouse=True)
+def empty_file(extension):
+    """In place of an empty file."""
+    start_anew()
+    yield
+    keep_groups()
 
 
 @pytest.fixture
@@ -66,14 +78,12 @@ def thin_things(addon, camera, count=12):
     bpy.context.view_layer.update()
 
 
-@pytest.mark.parametrize("name", [*PRESETS, *VOLUMES])
+@pytest.mark.parametrize("name", SHOWN)
 def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, monkeypatch, name):
     camera = volume_scene(addon, name)
     thin_things(addon, camera)
     assert switch(camera) == {"FINISHED"}
     rig = rig_of()
-    for group in bpy.data.node_groups:
-        group.use_fake_user = True
     assert skipping.skips(rig), rig.scfpf_rig.travels_all
     some = render_passes(tmp_path / "some")
     assert skipping.skips(rig)
@@ -143,8 +153,6 @@ def rigged(addon, rig_of):
     scene.collection.objects.link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
     bpy.context.view_layer.update()
     assert switch(camera) == {"FINISHED"}
-    for group in bpy.data.node_groups:
-        group.use_fake_user = True
     bpy.context.view_layer.update()
     return rig_of()
 
@@ -190,6 +198,8 @@ def shown(path):
 def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of, tmp_path, monkeypatch):
     """Smoke and lamps are not skipped: the chords inside a cube of smoke meet none of its faces."""
     scene = bpy.context.scene
+    # Rays in smoke take long.
+    scene.render.resolution_percentage = 50
     camera = scene.objects["Camera"]
     projection = project(addon, camera)
     middle = projection.volume.evaluate(
@@ -233,7 +243,7 @@ def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of,
     every = shown(tmp_path / "every")
     assert not skipping.skips(rigged)
     off = np.abs(some - every).max(axis=2)
-    print(off.max(), (off > 0.1).mean(), off.mean(), some.mean(axis=(0, 1)) - every.mean(axis=(0, 1)))
+    print(off.max(), (off > 0.15).mean(), off.mean(), some.mean(axis=(0, 1)) - every.mean(axis=(0, 1)))
 
     assert every[..., 3].std() > 0.05
     assert (off > 0.15).mean() < 0.005 and abs(some - every).mean() < 0.01

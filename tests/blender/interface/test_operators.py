@@ -227,7 +227,10 @@ def test_every_shipped_preset_can_be_added_and_applied(addon):
         assert description
         assert bpy.ops.scfpf.preset_apply(preset=identifier) == {"FINISHED"}
         projection_of(addon, added)
-        projection_of(addon, add_camera(preset=identifier))
+        made = add_camera(preset=identifier)
+        projection_of(addon, made)
+        # Every camera of the file is followed with each edit.
+        bpy.data.batch_remove([*made.children_recursive, made])
         bpy.context.view_layer.objects.active = added
 
 

@@ -302,6 +302,7 @@ def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
     assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon, camera):
     section = bpy.types.SCFPF_PT_view_cycles
     told = texts(drawn(section))

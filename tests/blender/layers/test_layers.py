@@ -288,6 +288,7 @@ def test_layers_that_cannot_be_shown_are_told(scene, addon):
         bpy.ops.scfpf.render()
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):
     add("ORDER")
     layers = addon("bridge.layers.read_image_layers")

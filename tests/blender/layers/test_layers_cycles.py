@@ -8,6 +8,8 @@ from engine_images import f12, load_pixels
 from mathutils import Matrix, Vector
 from rig_scenes import keep_groups
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 WIDTH, HEIGHT = 48, 32
 # Marks a flexible camera whose volume is its own frustum, which F12 shows without a rig.
 OWN = "own frustum"

@@ -50,6 +50,7 @@ def test_the_switch_ends_the_warning(scene, text):
     assert IGNORED not in texts(drawn(bpy.types.SCFPF_PT_view))
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_ordinary_cameras_and_rigs_are_not_warned_of(scene, text):
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     assert not text(scene)

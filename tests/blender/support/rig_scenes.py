@@ -3,6 +3,7 @@
 
 import importlib.util
 import pathlib
+import tempfile
 
 import bpy
 import numpy as np
@@ -14,6 +15,11 @@ spec = importlib.util.spec_from_file_location(
 )
 reference = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(reference)
+
+
+# Of the session: the node groups for the next module's tests.
+FOLDER = tempfile.TemporaryDirectory(prefix="scfpf-rigs-", ignore_cleanup_errors=True)
+GROUPS = pathlib.Path(FOLDER.name, "groups.blend")
 
 
 def rectangle(half_width, half_height, depth, x=0.0, turn=0.0):
@@ -93,11 +99,11 @@ def fill_volume(addon, camera, count=24):
             image = projection.parameters(x, y)
             if image.mask[0]:
                 t = 0.15 + 0.8 * t
-                ends = projection.volume.evaluate(
-                    np.array([0.25, 0.75]), np.full(2, 0.5), t.repeat(2)
-                ).position
-                sizes.append(min(largest, 0.15 * np.linalg.norm(ends[:, 1] - ends[:, 0])))
-                return projection.volume.evaluate(image.u, image.v, t).position[:, 0]
+                # The place, and two that tell how wide the volume is there.
+                u, v = np.append(image.u, (0.25, 0.75)), np.append(image.v, (0.5, 0.5))
+                found, left, right = projection.volume.evaluate(u, v, t.repeat(3)).position.T
+                sizes.append(min(largest, 0.15 * np.linalg.norm(right - left)))
+                return found
 
     reference.populate(np.random.default_rng(5), count, place)
     bpy.data.objects.remove(bpy.data.objects["Ground"])
@@ -140,6 +146,10 @@ def start_anew():
     """A new scene, as in an empty file, but with the node groups, which take long to build."""
     if "SCFPF Portals" not in bpy.data.node_groups:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        if GROUPS.exists():
+            with bpy.data.libraries.load(str(GROUPS)) as (there, here):
+                here.node_groups = list(there.node_groups)
+            keep_groups()
         return
     kept = [group for group in bpy.data.node_groups if group.bl_idname == "GeometryNodeTree"]
     before = bpy.data.scenes[:]
@@ -153,6 +163,8 @@ def keep_groups():
     """Let node groups stay when nothing uses them."""
     for group in bpy.data.node_groups:
         group.use_fake_user = group.bl_idname == "GeometryNodeTree"
+    if "SCFPF Portals" in bpy.data.node_groups and not GROUPS.exists():
+        bpy.data.libraries.write(str(GROUPS), {g for g in bpy.data.node_groups if g.use_fake_user})
 
 
 def clear_scene():

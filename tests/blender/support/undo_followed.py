@@ -133,6 +133,8 @@ def main() -> None:
     bpy.context.scene.render.resolution_percentage = 10
     bpy.ops.scfpf.camera_add(preset="curved_convergence")
     name = bpy.context.object.name
+    # Few chords: to plan them took most of the time.
+    bpy.context.object.scfpf.pixel_error = 2.0
     bpy.ops.scfpf.cycles_rig()
     bpy.context.view_layer.objects.active = bpy.data.objects[name]
     bpy.ops.scfpf.preview_toggle()

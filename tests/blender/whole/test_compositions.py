@@ -15,6 +15,8 @@ from demo.compositions import chess, graph_street, joiner, make, squares
 from demo.compositions.parts import sized
 from demo.recipes import layer_pictures
 
+pytestmark = pytest.mark.usefixtures("kept_street")
+
 # Of the images of these tests, and the most of their pixels that may be mirrored.
 WIDTH, MIRRORED = 96, 0.002
 

@@ -8,6 +8,8 @@ from mathutils import Vector
 
 from demo import car, render_demo, street
 
+pytestmark = pytest.mark.usefixtures("kept_street")
+
 TRIANGLE_BUDGET = 300_000
 CAR_TRIANGLES = (20_000, 60_000)
 # Vertices are float32 in Blender.
@@ -15,7 +17,7 @@ ROUNDING = 1e-4
 
 
 @pytest.fixture
-def scene(empty_file):
+def scene(kept_street):
     street_scene = render_demo.build_street()
     bpy.context.view_layer.update()
     return street_scene

@@ -125,7 +125,8 @@ def make_smoke():
     return bpy.context.object
 
 
-def test_a_rig_in_smoke_that_no_viewport_shows(addon, camera, built_groups):
+@pytest.mark.usefixtures("built_groups")
+def test_a_rig_in_smoke_that_no_viewport_shows(addon, camera):
     """Blender has no faces of what viewports do not show: its box is asked. What is excluded is not there."""
     layer = child_collection("Weather")
     smoke = make_smoke()
@@ -139,7 +140,8 @@ def test_a_rig_in_smoke_that_no_viewport_shows(addon, camera, built_groups):
     assert rig.scfpf_rig.smoke == ""
 
 
-def test_what_is_shown_of_the_scenes_camera_is_the_flexible_one_behind_a_rig(addon, camera, built_groups):
+@pytest.mark.usefixtures("built_groups")
+def test_what_is_shown_of_the_scenes_camera_is_the_flexible_one_behind_a_rig(addon, camera):
     camera.scfpf.samples = 7
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     assert bpy.context.scene.camera != camera
@@ -157,7 +159,8 @@ def test_marks_of_the_active_camera_are_shown_while_the_scenes_is_ordinary(addon
     assert marked_camera(bpy.context) == camera
 
 
-def test_a_rig_where_cycles_is_switched_off(addon, camera, built_groups, capfd):
+@pytest.mark.usefixtures("built_groups")
+def test_a_rig_where_cycles_is_switched_off(addon, camera, capfd):
     """As where a file is opened: the panel says so, nothing fails, and the rig can be removed."""
     scene = bpy.context.scene
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
@@ -296,8 +299,9 @@ def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camer
     assert bpy.ops.scfpf.volume_swap() == {"FINISHED"}
 
 
+@pytest.mark.usefixtures("built_groups")
 @pytest.mark.parametrize("name", ["cycles_rig", "preview_toggle"])
-def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, built_groups, name):
+def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, name):
     """Deleting takes an object out of the scene; it stays its camera as long as anything points to it."""
     scene = bpy.context.scene
     bpy.context.scene.camera = camera
@@ -309,7 +313,8 @@ def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, bu
     assert len(bpy.data.objects) == count
 
 
-def test_a_preview_that_a_viewport_shows_in_a_blender_without_windows(addon, camera, built_groups):
+@pytest.mark.usefixtures("built_groups")
+def test_a_preview_that_a_viewport_shows_in_a_blender_without_windows(addon, camera):
     """Blender's areas have no true places there: to join two of them never ended."""
     data = addon("scanline.preview.preview_data")
     bpy.ops.scfpf.preview_toggle()

@@ -255,6 +255,7 @@ def test_two_cameras_edited_by_turns(two, shown):
     assert np.abs(shown(down) - first).max() > 0.01
 
 
+@pytest.mark.usefixtures("built_groups")
 @pytest.mark.parametrize("operator", ["preview_toggle", "cycles_rig"])
 def test_what_is_removed_with_its_scene_takes_the_volume_object_of_its_camera_along(operator):
     """The camera of a preview or a rig is an ordinary one, which artists may make flexible."""

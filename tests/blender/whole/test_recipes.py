@@ -11,6 +11,8 @@ import pytest
 from demo.recipes.jobs import RECIPES
 from demo.recipes.steps import perform
 
+pytestmark = pytest.mark.usefixtures("kept_street")
+
 RECIPE = {recipe.stem: recipe for recipe in RECIPES}
 # Of the resolution, in percent.
 SMALL = 10
