@@ -104,8 +104,8 @@ def pieces(controls, weights):
 def candidates(controls, corners, weights):
     """The pairs of curves (P,) and triangles (P,) that may meet.
 
-    A piece of a curve lies in the hull of its control points. That is compared with the box, the plane and the
-    edges of the triangle.
+    A piece of a curve lies in the hull of its control points. That is compared with the triangle's box, plane
+    and edges.
     """
     points = pieces(controls, weights)
     margin = APART * max(np.abs(points).max(), np.abs(corners).max())

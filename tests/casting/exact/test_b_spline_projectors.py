@@ -67,7 +67,7 @@ def projection(kind, count, basis="B_SPLINE"):
 
 @cache
 def first_by_sampling(kind, count):
-    """The pixels compared, and t (inf where nothing is hit) and triangle where their fine polylines meet one."""
+    """The pixels compared, and t (inf for none) and triangle where their fine polylines first meet one."""
     chosen = np.random.default_rng(5).choice(SIDE * SIDE, COMPARED, replace=False)
     lines = polylines(projection(kind, count), *(place[chosen] for place in places()))
     vertices, faces = triangles()
@@ -95,7 +95,7 @@ def first_by_sampling(kind, count):
 
 
 def polylines(world, x, y):
-    """Points (PIECES + 1, 3, N) of projectors at equal steps of t: the spans' control points in Bernstein form."""
+    """Points (PIECES + 1, 3, N) of projectors at equal steps of t, from the Bernstein form of their spans."""
     points, _ = world.projectors(x, y)
     spans = world.volume.spans
     assert spans.point_weights is None
