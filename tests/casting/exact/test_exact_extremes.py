@@ -41,7 +41,7 @@ def test_moved_and_scaled(offset, factor, most, degree, angle):
     assert figures["pixels that see another triangle"] == 0
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("degree", [1, 3, 5])
 def test_nothing_slips_through_vertices_and_edges(degree):
     figures = extremes.edge_leaks(100_000 if FULL else 4000, degree)
     assert figures["curves"] >= 4000 and figures["leaks"] == 0
@@ -103,7 +103,7 @@ def test_random_volumes():
     """Any kinds of surfaces, collapsed, coinciding, folded, crossing themselves: always an answer."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figures = extremes.random_volumes(100_000 if FULL else 200)
+        figures = extremes.random_volumes(100_000 if FULL else 120)
     assert figures["not sound"] == 0 and figures["share hit"] > 0.2
 
 
