@@ -197,8 +197,6 @@ def build_scene(samples: int = 1, percentage: int = 50) -> None:
         bpy.context.object.data.materials.append(material)
     bpy.ops.mesh.primitive_plane_add(size=40, location=(0, 0, -1))
     bpy.context.scene.render.resolution_percentage = percentage
-    # EEVEE draws a view this often.
-    bpy.context.scene.eevee.taa_samples = 1
 
 
 def set_slow() -> None:
