@@ -63,6 +63,12 @@ def exact_curves(scene: CastScene, controls: Array, counts: CastCounts | None = 
     return cast_exact(scene, batch, np.ones(controls.shape[2], bool), None, counts)
 
 
+@cache
+def where_made(degree: int, angle: float) -> Hits:
+    """The image of the scene of ``moved`` where it was made."""
+    return exact_image(CastScene(*boxes(3000)), bent_projection(degree, math.radians(angle)))
+
+
 def moved(offset: float, factor: float, degree: int, angle: float) -> dict[str, float]:
     """A scene and its volume scaled by ``factor``, then moved by ``offset``, against where they were.
 
@@ -72,7 +78,7 @@ def moved(offset: float, factor: float, degree: int, angle: float) -> dict[str, 
     projection = bent_projection(degree, math.radians(angle))
     matrix = np.diag([factor, factor, factor, 1.0])
     matrix[:3, 3] = np.array([1.0, -2.0, 0.5]) * offset
-    here = exact_image(CastScene(vertices, triangles), projection)
+    here = where_made(degree, angle)
     there = CastScene(vertices * factor + matrix[:3, 3], triangles)
     hits = exact_image(there, projection.transformed(matrix))
     one, other = (np.where(np.isfinite(h.t), h.t, 2.0) for h in (here, hits))

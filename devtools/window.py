@@ -44,7 +44,8 @@ NEEDED_BYTES = 4e9
 # What lies beside the scenarios: those of the recipes perform what the pages tell.
 BESIDE = MappingProxyType({name: ROOT / name for name in ("demo", "presets")})
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
-SCREEN = (1600, 1000)
+# The sizes of screens for tests, which is mostly what their time depends on, and for pictures of pages.
+SMALL_SCREEN, SCREEN = (1280, 800), (1600, 1000)
 LEASH = ("timeout", f"{LIMIT:.0f}")  # ends the command even if this process is killed
 
 
@@ -84,7 +85,10 @@ def test(blender: str | None, names: list[str]) -> tuple[list[Result], list[str]
             if not picked and (os.cpu_count() or 1) > 1 and not shows_on_display(found):
                 groups = [(share, SHOTS / f"{number}") for number, share in enumerate(shares(), 1)]
             with ThreadPoolExecutor(len(groups)) as pool:
-                running = [pool.submit(run, found, group, deadline, BESIDE, into) for group, into in groups]
+                running = [
+                    pool.submit(run, found, group, deadline, BESIDE, into, SMALL_SCREEN)
+                    for group, into in groups
+                ]
             ended = [one.result() for one in running]
     except Unavailable as reason:
         return [], [f"NOT tested in a Blender with a window: {reason}"]
@@ -255,14 +259,16 @@ def shows_on_display(found: Place) -> bool:
 
 
 @contextlib.contextmanager
-def screen(found: Place, environ: dict[str, str], deadline: float) -> Iterator[dict[str, str]]:
+def screen(
+    found: Place, environ: dict[str, str], deadline: float, size: tuple[int, int]
+) -> Iterator[dict[str, str]]:
     """The environment with the DISPLAY of a virtual screen, or the user's own without Xvfb."""
     if shows_on_display(found):
         yield {**environ, "DISPLAY": os.environ["DISPLAY"]}
         return
     # -displayfd: the server chooses a free number and prints it.
     words = [*LEASH, "Xvfb", "-displayfd", "1", "-nolisten", "tcp"]
-    words += ["-screen", "0", f"{SCREEN[0]}x{SCREEN[1]}x24"]
+    words += ["-screen", "0", f"{size[0]}x{size[1]}x24"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "env": environ}
     with started(found.command(*words), **options) as server:
         wait = min(ANSWER, max(deadline - time.monotonic(), 0.0))
@@ -278,11 +284,12 @@ def run(
     deadline: float,
     more: Mapping[str, pathlib.Path] = MappingProxyType({}),
     into: pathlib.Path = SHOTS,
+    size: tuple[int, int] = SCREEN,
 ) -> tuple[list[Result], list[str]]:
     """Install the zip in a fresh profile there and run the scenarios.
 
     more: files and folders to lie beside the scenarios, by the names that they have there. into: the folder
-    for what was printed and for pictures, which is emptied before.
+    for what was printed and for pictures, which is emptied before. size: width and height of the screen.
     """
     zips = sorted((ROOT / "dist").glob("scfpf-*-linux_x64.zip"))
     if len(zips) != 1:
@@ -309,9 +316,9 @@ def run(
         environ["LANG"] = "C.UTF-8"
         environ.update({key: found.inside(home) for key in ("HOME", "XDG_RUNTIME_DIR", "TMPDIR")})
         environ["BLENDER_USER_RESOURCES"] = found.inside(home)
-        environ = stack.enter_context(screen(found, environ, deadline))
+        environ = stack.enter_context(screen(found, environ, deadline, size))
         words = [*LEASH, found.blender, "--factory-startup", "--enable-event-simulate", "--window-geometry"]
-        words += ["0", "0", *map(str, SCREEN), "--python", found.inside(tests / "drive_blender.py"), "--"]
+        words += ["0", "0", *map(str, size), "--python", found.inside(tests / "drive_blender.py"), "--"]
         words += ["--zip", found.inside(folder / zips[0].name), "--folder", found.inside(shots), *scenarios]
         try:
             process = stack.enter_context(started(found.command(*words), env=environ))

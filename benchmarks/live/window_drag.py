@@ -76,6 +76,7 @@ def look_through(driver, preset):
     moved.select_set(True)
     bpy.context.view_layer.objects.active = moved
     space.region_3d.view_perspective = "CAMERA"
+    driver.rest = 0.005  # what Blender itself rests if nothing happens
     with driver.override():
         bpy.ops.view3d.view_center_camera()
     yield 2 * DRAW

@@ -19,8 +19,12 @@ from scfpf_addon.casting.frame import pixel_centres
 # Curves that leave a triangle by less than this share of it count as inside.
 INSIDE = 1e-9
 
-# Pixels compared with all triangles at once.
+# Pixels compared with all triangles at once, and pieces of a curve that are compared one by one.
 BATCH = 256
+PIECES = 8
+
+# What is farther apart than this share of the largest coordinate does not meet: far more than rounding.
+APART = 1e-9
 
 
 def power_basis(heights):
@@ -86,26 +90,61 @@ def inside(corners, points):
     return np.min(shares, axis=0) >= -INSIDE
 
 
+def pieces(controls, weights):
+    """The control points (d+1, 3, PIECES * N) of equal pieces of curves (d+1, 3, N)."""
+    degree = len(controls) - 1
+    half = np.array([[comb(i, j) / 2**i for j in range(degree + 1)] for i in range(degree + 1)])
+    cuts = np.eye(degree + 1)[None]
+    while len(cuts) < PIECES:
+        cuts = np.concatenate([cuts @ half, cuts @ half[::-1, ::-1]])
+    points = np.tensordot(cuts * weights, controls, 1) / (cuts @ weights)[:, :, None, None]
+    return points.transpose(1, 2, 0, 3).reshape(*controls.shape[:2], -1)
+
+
+def candidates(controls, corners, weights):
+    """The pairs of curves (P,) and triangles (P,) that may meet.
+
+    A piece of a curve lies in the hull of its control points. That is compared with the triangle's box, plane
+    and edges.
+    """
+    points = pieces(controls, weights)
+    margin = APART * max(np.abs(points).max(), np.abs(corners).max())
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    lower, upper = corners.min(axis=1), corners.max(axis=1)
+    near = (lower <= high.max(axis=1)).all(axis=1) & (upper >= low.min(axis=1)).all(axis=1)
+    near = np.flatnonzero(near)
+    overlap = np.ones((points.shape[2], len(near)), bool)
+    for axis in range(3):
+        overlap &= low[axis, :, None] <= upper[near, axis]
+        overlap &= high[axis, :, None] >= lower[near, axis]
+    piece, face = np.nonzero(overlap)
+    face = near[face]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    edges = np.roll(corners, -1, axis=1) - corners
+    for k, across in enumerate((normal, *(np.cross(normal, edges[:, k]) for k in range(3)))):
+        with np.errstate(invalid="ignore"):  # triangles without an area, which nothing meets
+            across = across / np.linalg.norm(across, axis=1)[:, None]
+        distance = points[:, :, piece] - corners[face, max(k - 1, 0)].T
+        distance = np.einsum("nc,kcn->kn", across[face], distance)
+        kept = distance.max(axis=0) >= -margin
+        if k == 0:
+            kept &= distance.min(axis=0) <= margin
+        piece, face = piece[kept], face[kept]
+    pairs = np.unique(piece % controls.shape[2] * len(corners) + face)
+    return pairs // len(corners), pairs % len(corners)
+
+
 def first_hits(controls, corners, weights):
     """First t and triangle of Bézier curves (d+1, 3, N) with weights (d+1,) and triangles (T, 3, 3)."""
     count = controls.shape[2]
     t, triangle = np.full(count, np.inf), np.full(count, -1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     offset = np.einsum("tc,tc->t", normal, corners[:, 0])
-    lower, upper = corners.min(axis=1), corners.max(axis=1)
     for first in range(0, count, BATCH):
         some = controls[:, :, first : first + BATCH]
-        heights = np.einsum("tc,kcn->knt", normal, some) - offset
-        crossing = (heights.min(axis=0) <= 0) & (heights.max(axis=0) >= 0)
-        low, high = some.min(axis=0).T, some.max(axis=0).T
-        crossing &= ((low[:, None] <= upper + 1e-9) & (high[:, None] >= lower - 1e-9)).all(axis=2)
-        for k in range(3):
-            # A curve whose control points all lie beyond an edge cannot enter.
-            inward = np.cross(normal, corners[:, (k + 1) % 3] - corners[:, k])
-            beyond = np.einsum("tc,kcn->knt", inward, some) - np.einsum("tc,tc->t", inward, corners[:, k])
-            crossing &= beyond.max(axis=0) >= -1e-9
-        curve, face = np.nonzero(crossing)
-        for roots in real_roots(heights[:, curve, face] * weights[:, None]):
+        curve, face = candidates(some, corners, weights)
+        heights = np.einsum("nc,kcn->kn", normal[face], some[:, :, curve]) - offset[face]
+        for roots in real_roots(heights * weights[:, None]):
             known = np.flatnonzero(~np.isnan(roots))
             points = evaluate(some[:, :, curve[known]], roots[known], weights)
             hit = known[inside(corners[face[known]], points)]

@@ -97,6 +97,16 @@ def scene(parts=None, lights=(), world=(0, 0, 0), **material):
 
 def shade(what, triangle, position, tangent=(0, 0, -1), sample=0, samples=1):
     """Radiance (3, N) of a scene at world positions (3, N) on triangle (N,), seen along tangent."""
+    return shade_samples(what, triangle, position, tangent, [sample], samples)[0]
+
+
+def mean_shade(what, triangle, position, samples):
+    """As ``shade``, the mean of all samples."""
+    return np.mean(shade_samples(what, triangle, position, (0, 0, -1), range(samples), samples), axis=0)
+
+
+def shade_samples(what, triangle, position, tangent, chosen, samples):
+    """As ``shade``, a list of the radiance of each of the chosen samples."""
     cast_scene = CastScene(what.geometry.vertices, what.geometry.triangles)
     position = np.asarray(position, float).reshape(3, -1)
     count = position.shape[1]
@@ -111,7 +121,7 @@ def shade(what, triangle, position, tangent=(0, 0, -1), sample=0, samples=1):
     )
     lamps = tuple(Lamp.of(light, cast_scene.matrix, samples) for light in what.lights)
     coefficients = MaterialCoefficients.of(what.materials, what.world_color)
-    return Lighting(lamps, cast_scene).radiance(points, coefficients, sample)
+    return [Lighting(lamps, cast_scene).radiance(points, coefficients, sample) for sample in chosen]
 
 
 def looking_down(*heights, size=2.0, shifts=None, basis="BEZIER", **projection):
@@ -135,5 +145,6 @@ def build():
         materials=materials,
         scene=scene,
         shade=shade,
+        mean_shade=mean_shade,
         looking_down=looking_down,
     )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run the scenarios of scenarios_*.py in a Blender with a window.
 
-    xvfb-run -s "-screen 0 1600x1000x24" blender --factory-startup --enable-event-simulate \\
-        --window-geometry 0 0 1600 1000 --python tests/window/drive_blender.py -- [OPTION ...] [SCENARIO ...]
+    xvfb-run -s "-screen 0 1280x800x24" blender --factory-startup --enable-event-simulate \\
+        --window-geometry 0 0 1280 800 --python tests/window/drive_blender.py -- [OPTION ...] [SCENARIO ...]
 
 A scenario is a generator that starts in a fresh file and yields the seconds to leave Blender to itself; the
 tuple SCENARIOS at the end of its module lists it. It fails by an exception, by a traceback that Blender
@@ -13,6 +13,7 @@ prints meanwhile, and by taking too long. The folder of --folder gets the screen
 import argparse
 import ctypes
 import faulthandler
+import functools
 import importlib
 import os
 import pathlib
@@ -99,7 +100,7 @@ def run(driver, scenarios, output):
     failed = []
     for scenario in scenarios:
         name, driver.scenario = title(scenario), scenario.__name__
-        started = time.monotonic()
+        started, before = time.monotonic(), processor_seconds()
         faulthandler.dump_traceback_later(LIMIT, exit=True)
         bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
         # A render that opens nothing; a scenario that is about what it opens chooses another.
@@ -118,7 +119,8 @@ def run(driver, scenarios, output):
                 bpy.ops.scfpf.render_cancel()
         if TRACEBACK in (yield from output.fresh()):
             failed.append(name)
-        line = f"{'FAILED' if name in failed else 'ok'}: {name} ({time.monotonic() - started:.0f} s)"
+        line = f"{'FAILED' if name in failed else 'ok'}: {name} ({time.monotonic() - started:.0f} s"
+        line += f", {processor_seconds() - before:.1f} s of the processor's time)"
         print(line, flush=True)
         print(line, file=results)
     faulthandler.dump_traceback_later(LIMIT, exit=True)
@@ -137,12 +139,14 @@ def run(driver, scenarios, output):
     bpy.ops.wm.quit_blender()
 
 
-def rest() -> float:
-    """Leave the processor to others for a moment: with simulated events Blender itself does not.
+def processor_seconds() -> float:
+    """The processor's time that Blender and the programs which it ran have taken."""
+    return sum(os.times()[:4])
 
-    Without them it rests as long whenever nothing happens.
-    """
-    time.sleep(0.005)
+
+def rest(driver) -> float:
+    """Leave the processor to others for a moment: with simulated events Blender itself does not."""
+    time.sleep(driver.rest)
     return 0.0
 
 
@@ -169,8 +173,9 @@ def main() -> None:
     # A software renderer would draw each view eight times.
     bpy.context.preferences.system.viewport_aa = "OFF"
     bpy.context.preferences.edit.undo_steps = 128
-    bpy.app.timers.register(rest, persistent=True)
-    steps = run(Driver(folder), scenarios, output)
+    driver = Driver(folder)
+    bpy.app.timers.register(functools.partial(rest, driver), persistent=True)
+    steps = run(driver, scenarios, output)
     bpy.app.timers.register(lambda: next(steps, None), first_interval=DRAW, persistent=True)
 
 

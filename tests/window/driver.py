@@ -22,6 +22,7 @@ class Driver:
     def __init__(self, folder: pathlib.Path):
         self.folder = folder
         self.scenario = ""  # the name of the one that runs
+        self.rest = 0.015  # seconds that Blender rests between two looks for events
 
     @property
     def window(self):
@@ -48,9 +49,9 @@ class Driver:
 
     def shot(self, name: str) -> None:
         """Save the screen. Blender's own screenshot is black in a timer under Xvfb."""
-        subprocess.run(
-            ["import", "-window", "root", str(self.folder / f"{self.scenario}-{name}.png")], check=True
-        )
+        path = self.folder / f"{self.scenario}-{name}.png"
+        # Hardly compressed: that takes a third of the time.
+        subprocess.run(["import", "-window", "root", "-quality", "10", str(path)], check=True)
 
     def region_pixels(self, area: str = "VIEW_3D", kind: str = "WINDOW"):
         """The pixels of a region on the screen, (H, W, 3) from 0 to 255, row 0 at the bottom."""

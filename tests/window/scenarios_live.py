@@ -99,6 +99,7 @@ def follows(driver):
         yield DRAW
         assert not viewports(), kind
     space.shading.type = "MATERIAL"
+    bpy.context.scene.eevee.taa_samples = 1  # what EEVEE draws is hidden
     yield from settled()
     assert_shown(driver)
     space.region_3d.view_perspective = "PERSP"

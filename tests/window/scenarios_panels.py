@@ -40,10 +40,12 @@ def panels(driver):
     driver.show_data_tab()
     bpy.context.view_layer.objects.active = bpy.data.objects["Camera"]
     yield from driver.show_sidebar()
+    yield from scrolled(driver)
     driver.shot("ordinary-camera")
     shown = panels_shown(driver)
     driver.add_camera()
     yield DRAW
+    yield from scrolled(driver)
     driver.shot("new-camera")
     shown = assert_changed(driver, shown)
     for kind in KINDS:

@@ -7,6 +7,7 @@ Certain, not sampled: a box that meets no marked cell meets no triangle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise, product
 
 import numpy as np
@@ -84,7 +85,7 @@ class Occupancy:
         coarse = held
         for axis in range(3):
             parts = np.moveaxis(coarse, axis, 0)
-            coarse = np.moveaxis(np.logical_or.reduce([parts[k::FINER] for k in range(FINER)]), 0, axis)
+            coarse = np.moveaxis(reduce(np.logical_or, [parts[k::FINER] for k in range(FINER)]), 0, axis)
         return cls(integral_image(coarse), integral_image(held, np.uint8), lower, scale / FINER)
 
     def holds(self, lower: Array, upper: Array) -> BoolArray:
@@ -155,10 +156,10 @@ def _small_pieces(corners: Array) -> list[Array]:
             large = large[:0]
         small = np.ones(corners.shape[2], bool)
         small[large] = False
-        pieces.append(corners[:, :, small])
+        pieces.append(corners.take(np.flatnonzero(small), 2))
         if len(large) == 0:
             break
-        a, b, c = corners[:, :, large]
+        a, b, c = corners.take(large, 2)
         ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
         quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
         corners = np.concatenate([np.stack(quarter) for quarter in quarters], axis=2)

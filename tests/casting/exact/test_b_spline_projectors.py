@@ -4,6 +4,9 @@
 The reference is in float64.
 """
 
+from functools import cache
+from math import comb
+
 import numpy as np
 import pytest
 
@@ -35,6 +38,11 @@ def triangles():
     return corners.reshape(-1, 3), np.arange(450, dtype=np.int32).reshape(-1, 3)
 
 
+@cache
+def scene():
+    return CastScene(*triangles())
+
+
 def projection(kind, count, basis="B_SPLINE"):
     """Wavering surfaces one behind the other, so that projectors bend in every span."""
     rng = np.random.default_rng(count)
@@ -57,16 +65,20 @@ def projection(kind, count, basis="B_SPLINE"):
     return Projection(ViewingVolume(tuple(surfaces), basis))
 
 
-def first_by_sampling(volume, u, v, vertices, triangles):
-    """t (inf where nothing is hit) and triangle where each projector, as a fine polyline, first meets one."""
-    t = np.linspace(0, 1, PIECES + 1)
-    corners = vertices[triangles]
+@cache
+def first_by_sampling(kind, count):
+    """The pixels compared, and t (inf for none) and triangle where their fine polylines first meet one."""
+    chosen = np.random.default_rng(5).choice(SIDE * SIDE, COMPARED, replace=False)
+    lines = polylines(projection(kind, count), *(place[chosen] for place in places()))
+    vertices, faces = triangles()
+    corners = vertices[faces]
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(edge1, edge2)
-    best, which = np.full(len(u), np.inf), np.full(len(u), -1)
-    for ray in range(len(u)):
-        points = volume.evaluate(np.full(len(t), u[ray]), np.full(len(t), v[ray]), t).position.T
-        height = np.einsum("ptc,tc->pt", points[:, None] - corners[:, 0], normal)
+    offset = np.einsum("tc,tc->t", corners[:, 0], normal)
+    best, which = np.full(COMPARED, np.inf), np.full(COMPARED, -1)
+    for ray in range(COMPARED):
+        points = lines[:, :, ray]
+        height = points @ normal.T - offset
         piece, triangle = np.nonzero((height[:-1] < 0) != (height[1:] < 0))
         low, high = height[piece, triangle], height[piece + 1, triangle]
         share = low / (low - high)
@@ -79,22 +91,39 @@ def first_by_sampling(volume, u, v, vertices, triangles):
         if inside.any():
             at = (piece[inside] + share[inside]) / PIECES
             best[ray], which[ray] = at.min(), triangle[inside][at.argmin()]
-    return best, which
+    return chosen, best, which
+
+
+def polylines(world, x, y):
+    """Points (PIECES + 1, 3, N) of projectors at equal steps of t, from the Bernstein form of their spans."""
+    points, _ = world.projectors(x, y)
+    spans = world.volume.spans
+    assert spans.point_weights is None
+    t = np.linspace(0, 1, PIECES + 1)
+    span = np.clip(np.searchsorted(spans.breaks, t, side="right") - 1, 0, len(spans.matrices) - 1)
+    t = (t - spans.breaks[span]) / np.diff(spans.breaks)[span]
+    degree = spans.matrices.shape[1] - 1
+    shares = np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)], axis=1)
+    return np.einsum("ti,tik,kcn->tcn", shares, spans.matrices[span], points, optimize=True)
+
+
+def places():
+    """The centres of all pixels of the image."""
+    place = (np.arange(SIDE) + 0.5) / SIDE
+    return [grid.ravel() for grid in np.meshgrid(place, place)]
 
 
 @pytest.mark.parametrize(("kind", "count"), [("GRID", 5), ("GRID", 8), ("NURBS", 6), ("NURBS", 4), *LATTICES])
 @pytest.mark.parametrize("columns", [None, SIDE])
 def test_the_first_hit_is_that_of_dense_sampling(kind, count, columns):
     world = projection(kind, count)
-    cast_scene = CastScene(*triangles())
-    place = (np.arange(SIDE) + 0.5) / SIDE
-    x, y = (grid.ravel() for grid in np.meshgrid(place, place))
+    cast_scene = scene()
+    x, y = places()
     moved = world.transformed(cast_scene.matrix)
     hits = cast(cast_scene, moved, x, y, (1 / SIDE, 1 / SIDE), 0.001, columns=columns)
-    chosen = np.random.default_rng(5).choice(SIDE * SIDE, COMPARED, replace=False)
+    chosen, t, triangle = first_by_sampling(kind, count)
     hits = Hits(*(field[..., chosen] for field in hits))
     x, y = x[chosen], y[chosen]
-    t, triangle = first_by_sampling(world.volume, x, y, *triangles())
     assert 0.3 < np.isfinite(t).mean() < 1.0
     assert (hits.triangle != triangle).mean() <= SILHOUETTES
     same = (hits.triangle == triangle) & (triangle >= 0)
@@ -108,9 +137,8 @@ def test_the_first_hit_is_that_of_dense_sampling(kind, count, columns):
 
 
 def test_few_surfaces_give_the_image_of_the_bezier_basis():
-    cast_scene = CastScene(*triangles())
-    place = (np.arange(SIDE) + 0.5) / SIDE
-    x, y = (grid.ravel() for grid in np.meshgrid(place, place))
+    cast_scene = scene()
+    x, y = places()
     one, other = (
         cast(cast_scene, projection("NURBS", 4, basis).transformed(cast_scene.matrix), x, y, (1 / SIDE,) * 2)
         for basis in ("B_SPLINE", "BEZIER")

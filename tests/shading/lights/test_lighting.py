@@ -59,14 +59,13 @@ def test_point_lamp_in_watts(build, unit, distance):
 def test_soft_point_lamp_is_a_disc_that_faces_the_point(build):
     """Irradiance of a disc of radius r from its axis: the intensity times cos θ/(d² + r²)."""
     scene = build.scene(lights=[point(build, (0.6, 0, 0.8), radius=0.15)])
-    soft = np.mean([build.shade(scene, 0, [0, 0, 0], sample=s, samples=256) for s in range(256)])
+    soft = build.mean_shade(scene, 0, [0, 0, 0], 256).mean()
     assert soft == pytest.approx(100 / (4 * np.pi) * 0.8 / (1 + 0.15**2) / np.pi, rel=2e-3)
 
 
 def mean_light(build, light, where=(0, 0, 0), samples=256):
     """Radiance of a point on a white diffuse square, over all samples."""
-    scene = build.scene(lights=[light])
-    return np.mean([build.shade(scene, 0, where, sample=s, samples=samples)[0, 0] for s in range(samples)])
+    return build.mean_shade(build.scene(lights=[light]), 0, where, samples)[0, 0]
 
 
 @pytest.mark.parametrize("distance", [0.5, 3.0])
@@ -115,7 +114,7 @@ def test_a_spread_ends_at_its_angle(build):
     edge = 0.25 + np.tan(0.5)
     scene = build.scene([build.square(4)], [lamp])
     where = np.array([[0.97, 1.01], [0, 0], [0, 0]]) * edge
-    light = sum(build.shade(scene, 0, where, sample=s, samples=16)[0] for s in range(16))
+    light = build.mean_shade(scene, 0, where, 16)[0]
     assert (light > 0).tolist() == [True, False]
 
 
@@ -162,11 +161,9 @@ def area(build, watts, matrix, **more):
 def test_far_area_lamp_equals_a_point_of_the_same_intensity(build, ellipse):
     """On its axis an area lamp of P watts has the intensity P/π, that of a point of 4 P."""
     lamp = area(build, 100.0, build.placed((0, 0, 50)), size=(0.4, 0.2), ellipse=ellipse)
-    far = [
-        build.shade(build.scene(lights=[lamp]), 0, [0, 0, 0], sample=s, samples=16)[0, 0] for s in range(16)
-    ]
+    far = mean_light(build, lamp, samples=16)
     one = build.shade(build.scene(lights=[point(build, (0, 0, 50), 400.0)]), 0, [0, 0, 0])[0, 0]
-    assert np.mean(far) == pytest.approx(one, rel=1e-3)
+    assert far == pytest.approx(one, rel=1e-3)
 
 
 def test_near_area_lamp_has_the_form_factor_of_a_rectangle(build):
@@ -177,18 +174,14 @@ def test_near_area_lamp_has_the_form_factor_of_a_rectangle(build):
     root_a, root_b = np.sqrt(1 + a * a), np.sqrt(1 + b * b)
     factor = 4 / (2 * np.pi) * (a / root_a * np.arctan(b / root_a) + b / root_b * np.arctan(a / root_b))
     expected = 100 / (np.pi * width * depth) * factor
-    scene = build.scene(lights=[lamp])
-    found = [build.shade(scene, 0, [0, 0, 0], sample=s, samples=256)[0, 0] for s in range(256)]
-    assert np.mean(found) == pytest.approx(expected, rel=5e-3)
+    assert mean_light(build, lamp) == pytest.approx(expected, rel=5e-3)
 
 
 def test_near_disc_lamp_has_the_form_factor_of_a_disc(build):
     radius, height = 0.8, 0.6
     lamp = area(build, 100.0, build.placed((0, 0, height)), size=(2 * radius,) * 2, ellipse=True)
     expected = 100 / (np.pi * np.pi * radius**2) * radius**2 / (radius**2 + height**2)
-    scene = build.scene(lights=[lamp])
-    found = [build.shade(scene, 0, [0, 0, 0], sample=s, samples=256)[0, 0] for s in range(256)]
-    assert np.mean(found) == pytest.approx(expected, rel=5e-3)
+    assert mean_light(build, lamp) == pytest.approx(expected, rel=5e-3)
 
 
 def test_area_lamp_is_dark_behind(build):
@@ -318,7 +311,7 @@ def test_the_rim_of_a_wide_sun_s_shadow(build):
     reach = np.tan(0.1)
     for share in (0.1, 0.5, 0.8):
         x = 0.25 + reach * (2 * share - 1)
-        lit = np.mean([build.shade(scene, 0, [x, 0, 0], sample=k, samples=256)[0, 0] for k in range(256)])
+        lit = build.mean_shade(scene, 0, [x, 0, 0], 256)[0, 0]
         height = 2 * share - 1
         seen = 1 - (np.arccos(height) - height * np.sqrt(1 - height**2)) / np.pi
         assert lit == pytest.approx(seen / np.pi, abs=0.02 / np.pi)
@@ -348,10 +341,7 @@ def test_half_of_a_soft_shadow(build, kind):
     size = {"size": (0.4, 0.4)} if kind == "AREA" else {"radius": 0.2}
     scene = blocked(build, Light(kind, np.ones(3), build.placed((0.25, 0, 3)), **size))
     open_floor = build.scene([build.square(3)], scene.lights)
-    found, unblocked = (
-        np.mean([build.shade(s, 0, [0.25, 0, 0], sample=k, samples=64)[0, 0] for k in range(64)])
-        for s in (scene, open_floor)
-    )
+    found, unblocked = (build.mean_shade(s, 0, [0.25, 0, 0], 64)[0, 0] for s in (scene, open_floor))
     assert found / unblocked == pytest.approx(0.5, abs=0.05)
 
 

@@ -2,6 +2,8 @@
 """Worlds of nodes without Blender: directions, lamps and soft light, rough reflections."""
 
 from dataclasses import replace
+from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -55,6 +57,7 @@ def of_image(pixels):
     return World(graph, {"Sky": ImageData(data, False)})
 
 
+@cache
 def sunny(sun=5000.0):
     """A gradient with a sun of a few texels, and the sun's texels."""
     directions = map_directions(COLUMNS, ROWS)
@@ -252,13 +255,19 @@ def canyon(build, world, **more):
     return replace(build.scene([build.square(1.0, -1.0), walls], **more), world=world)
 
 
-def hidden_floor(world, places):
-    """Irradiance (3, n) on the canyon's floor, summed over all directions that the walls do not occlude."""
-    directions = map_directions(256, 128)
+@cache
+def hidden_floor(width, height):
+    """Radiance (H, W, 3) of the white floor of the canyon, under ``sunny(0.4)``.
+
+    It is summed over all directions that the walls do not occlude.
+    """
+    directions, world = map_directions(256, 128), sunny(0.4)[0]
     light = world.light.without_lamps(directions, world.radiance(directions))
-    light = light * (np.repeat(map_areas(256, 128), 256) * np.maximum(directions[2], 0.0))
+    light = light * np.repeat(map_areas(256, 128), 256) * directions[2]
+    light, directions = (values[:, directions[2] > 0] for values in (light, directions))
+    across, up = (2 * (np.arange(size) + 0.5) / size - 1 for size in (width, height))
     found = []
-    for x, y in places:
+    for y, x in product(up, across):
         free = np.ones(len(directions[0]), bool)
         for wall, top in ((-1.0, 2.0), (1.0, 1.2)):
             with np.errstate(divide="ignore"):
@@ -266,7 +275,7 @@ def hidden_floor(world, places):
             hit = (far > 0) & (np.abs(y + far * directions[1]) < 2.0) & (far * directions[2] < top)
             free &= ~hit
         found.append(light[:, free].sum(axis=1))
-    return np.array(found)
+    return np.array(found).reshape(height, width, 3) / np.pi
 
 
 @pytest.mark.parametrize("samples", [1, 64])
@@ -277,8 +286,7 @@ def test_occlusion_of_the_sky_is_unbiased(build, samples):
     means, each = {1: 0.1, 64: 0.02}, {1: 0.13, 64: 0.07}
     settings = FrameSettings(48, 12, samples=samples)
     view = build.looking_down(3.0, -3.0, size=2.0)
-    x, y = np.meshgrid((np.arange(48) + 0.5) / 24 - 1, (np.arange(12) + 0.5) / 6 - 1)
-    expected = hidden_floor(world, np.column_stack([x.ravel(), y.ravel()])).reshape(12, 48, 3) / np.pi
+    expected = hidden_floor(48, 12)
     shade = render_frame(view, canyon(build, world), settings).pixels[..., :3]
     open_sky = SkyLight.of(world.light, 4).irradiance(np.float32([[0], [0], [1]]))[:, 0] / np.pi
     assert (expected.mean(axis=(0, 1)) < 0.8 * open_sky).all()
