@@ -48,7 +48,8 @@ class Judgement:
     angles: (P,), degrees between wanted and found directions, NaN where free. seen: (P,), whether nothing
     hides the point. hidden_by: (P,), the number of the object that does, -1 without one. mirrored, folded:
     shares of the pixels that are mirrored, and with a fold before their hit. moved: (N,), pixels by which
-    the visible background outside the halos moved, inf for points that were lost.
+    the visible background outside the halos moved, inf for points that were lost. What stands where the image
+    then shows a wanted thing, or a halo where its view has it, does not count: it is hidden.
     """
 
     pixels: Array
@@ -218,13 +219,25 @@ class Judge:
     def _moved(self, after: Projection, hits: Hits, released: Released | None) -> Array:
         """See ``Judgement.moved``. hits: of the pixels of the image after."""
         points, pixels, objects = self._background
-        now = hits.triangle[pixels]
-        # What a wanted thing hides is meant to be hidden.
+        now, positions = hits.triangle[pixels], np.stack(self._centres)[:, pixels]
+        # What a wanted thing hides is meant to be hidden, and so is what its halo hides.
         counts = (now < 0) | ~self.wanted[now]
+        counts[counts] = ~self._shows_halo(positions[:, counts], hits.position[:, pixels[counts]])
         if released is not None:
             counts &= ~released.covers(points, objects)
-        positions = np.stack(self._centres)[:, pixels[counts]]
+        positions = positions[:, counts]
         return self._pixels(_follow(after, points[:, counts], positions), positions)
+
+    def _shows_halo(self, positions: Array, hits: Array) -> BoolArray:
+        """Return whether image positions (2, N) show a halo where its view has it. hits: (3, N)."""
+        pins = self.pins
+        with np.errstate(divide="ignore"):
+            reach = self.halos / np.linalg.norm(pins.across, axis=0)
+        right, up = positions[:, :, None] - pins.positions[:, None]
+        # Pins without a frame have no reach, NaN.
+        is_near = (np.hypot(right, up / self.before.aspect) < reach).any(axis=1)
+        is_near[is_near] = halo_weights(self.scene.world(hits[:, is_near]), pins, self.halos) < 1.0
+        return is_near
 
 
 def _places(projection: Projection, pins: AimPins) -> Inverse:

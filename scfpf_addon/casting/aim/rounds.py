@@ -55,8 +55,8 @@ def solve_in_rounds(
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
     old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
-    mended if it folds, and if that fails stays count less. A last round frees hidden pins from where that
-    ended.
+    mended if it folds, and if that fails stays count more, then less. A last round frees hidden pins from
+    where that ended.
     """
     rounds = _Rounds(old, report)
     try:
@@ -81,10 +81,11 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     best = min(finite, key=rounds.rank)
     # Where stays of their weight force folds, they yield.
     finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
-    best = min(finite, key=rounds.final_rank)
-    if not best.judgement.is_clean and all(one.schedule != LOOSE for one in finite):
-        loose = rounds.solve(problem, judged, LOOSE)
-        finite += [loose, *_mended(rounds, problem, judged, loose, [LOOSE])] if loose else []
+    for way in (STILL, LOOSE):
+        best = min(finite, key=rounds.final_rank)
+        if not best.judgement.is_clean and all(one.schedule != way for one in finite):
+            other = rounds.solve(problem, judged, way)
+            finite += [other, *_mended(rounds, problem, judged, other, [way])] if other else []
     return min(finite, key=rounds.final_rank)
 
 

@@ -106,6 +106,31 @@ def test_the_old_image_is_judged_as_unmoved(solved):
     assert replace(found, folded=0.1).worse_than(old) == "FOLDED"
 
 
+def test_what_a_halo_hides_where_its_view_has_it_does_not_count(place):
+    # Everything moves to the right by a tenth of the width; a view has a place of the floor in the middle.
+    planes = []
+    for patch in place.base.volume.surfaces:
+        corners = patch.points - 0.1 * (patch.points[:, 1:] - patch.points[:, :1])
+        planes.append(replace(patch, points=corners))
+    floor, halo, reach = np.array([[0.0], [0.0], [0.0]]), 1.2, 0.2
+    pins = AimPins(floor, np.array([[0.5], [0.4]]), across=np.array([[halo / reach], [0.0], [0.0]]))
+    case = replace(view_setting(place, 0.0, 0.0), before=place.base, halos=np.full(1, halo), columns=96)
+    found, free = (
+        replace(case, problem=replace(case.problem, pins=some)).judged(
+            replace(place.base, volume=ViewingVolume(tuple(planes)))
+        )
+        for some in (pins, replace(pins, across=np.full((3, 1), np.nan)))
+    )
+    np.testing.assert_allclose(found.moved, 0.1 * WIDTH, atol=1e-6)
+
+    x, y = (part.ravel()[::4] for part in np.meshgrid((np.arange(96) + 0.5) / 96, (np.arange(48) + 0.5) / 48))
+    old, new = (place.scene.world(place.scene.hits(place.base, at, y, WIDTH).position) for at in (x, x - 0.1))
+    near = np.linalg.norm(new - floor, axis=0) < halo
+    near &= np.hypot(x - 0.5, (y - 0.4) / 2.0) < reach
+    near &= np.linalg.norm(old - floor, axis=0) >= halo
+    assert len(free.moved) - len(found.moved) == near.sum() >= 10
+
+
 def test_a_mirrored_volume_is_reported(solved):
     case, _, _ = solved
     flipped = tuple(replace(p, points=p.points[:, ::-1]) for p in case.problem.patches)
