@@ -235,7 +235,7 @@ class Judge:
             reach = self.halos / np.linalg.norm(pins.across, axis=0)
         right, up = positions[:, :, None] - pins.positions[:, None]
         # Pins without a frame have no reach, NaN.
-        is_near = (np.hypot(right, up / self.before.aspect) < reach).any(axis=1)
+        is_near: BoolArray = (np.hypot(right, up / self.before.aspect) < reach).any(axis=1)
         is_near[is_near] = halo_weights(self.scene.world(hits[:, is_near]), pins, self.halos) < 1.0
         return is_near
 

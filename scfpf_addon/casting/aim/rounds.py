@@ -81,9 +81,9 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     best = min(finite, key=rounds.rank)
     # Where stays of their weight force folds, they yield.
     finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
-    for way in (STILL, LOOSE):
-        best = min(finite, key=rounds.final_rank)
-        if not best.judgement.is_clean and all(one.schedule != way for one in finite):
+    for way, most in ((STILL, FORCED), (LOOSE, 1.0)):
+        unclean = min(finite, key=rounds.final_rank).judgement.unclean
+        if 0.0 < unclean <= most and all(one.schedule != way for one in finite):
             other = rounds.solve(problem, judged, way)
             finite += [other, *_mended(rounds, problem, judged, other, [way])] if other else []
     return min(finite, key=rounds.final_rank)

@@ -21,8 +21,8 @@ OLD = judgement(pixels=60.0, moved=0.0)
 PATCH = NurbsPatch(np.zeros((4, 4, 3)))
 PROBLEM = AimProblem((PATCH,), 1920, 2.0, AimPins(np.zeros((3, 10)), np.zeros((2, 10))))
 MEND = rounds.FIRST.mending()
-# Where mending fails, stays yield, and what then folds is mended.
-YIELDING = [rounds.LOOSE, rounds.LOOSE.mending()]
+# Where mending fails, stays count more, and then yield. What then folds is mended.
+STRICTER, YIELDING = ([way, way.mending()] for way in (rounds.STILL, rounds.LOOSE))
 
 
 @pytest.fixture
@@ -85,11 +85,11 @@ def test_what_the_first_way_misses_chooses_the_others(chosen, first, others):
     assert chosen([first] * 9)[1] == [rounds.FIRST, *others]
 
 
-def test_where_mending_fails_stays_yield(chosen):
+def test_where_mending_fails_stays_count_more_then_yield(chosen):
     folded, good = judgement(folded=0.001), judgement()
-    ways = [rounds.FIRST, MEND, *YIELDING]
-    assert chosen([folded, folded, good]) == (3, ways[:3])
-    assert chosen([folded, folded, folded, good]) == (4, ways)
+    ways = [rounds.FIRST, MEND, *STRICTER, *YIELDING]
+    for count in range(2, 6):
+        assert chosen([*[folded] * count, good]) == (count + 1, ways[: count + 1])
     # One that is clean wins, also over one whose background stays.
     assert chosen([folded, folded, judgement(moved=20.0)])[0] == 3
 
@@ -104,7 +104,7 @@ def test_one_that_is_worse_than_before_loses(chosen):
 def test_progress_rises_and_stops(chosen):
     shares = []
     bad = judgement(folded=0.001)
-    chosen([bad] * 4, lambda share: bool(shares.append(share)))
+    chosen([bad] * 6, lambda share: bool(shares.append(share)))
     assert shares == sorted(shares) and 0.9 < shares[-1] <= 1.0
     assert chosen([bad] * 4, lambda share: share > 0.71) == (None, [rounds.FIRST, MEND])
 
