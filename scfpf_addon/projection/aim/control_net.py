@@ -129,6 +129,12 @@ class Places:
         """The places of these numbers; a number may come several times."""
         return Places(self.net, self.column[which], self.row[which], self.local[:, :, which])
 
+    @classmethod
+    def joined(cls, parts: list[Places]) -> Places:
+        """The places of all parts, at least one, in order."""
+        arrays = zip(*((part.column, part.row, part.local) for part in parts), strict=True)
+        return cls(parts[0].net, *(np.concatenate(each, axis=-1) for each in arrays))
+
     def rows_of(self, kind: int, weights: Array, vectors: Array) -> Array:
         """Coefficients of vector · Σ weight · P over the acting points, (16 · free surfaces · 3, N).
 

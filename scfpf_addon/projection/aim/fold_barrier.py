@@ -46,6 +46,12 @@ class FoldBarrier:
         taken._test(self.t[:, which])
         return taken
 
+    def joined(self, other: FoldBarrier) -> FoldBarrier:
+        """The barrier at the projectors of both, up to the same t: small parts cost as much as large ones."""
+        both = FoldBarrier(Places.joined([_each(self.places), _each(other.places)]), self.orientation)
+        both._test(np.hstack([self.t, other.t]))
+        return both
+
     def _test(self, t: Array) -> None:
         self.t = t
         # The last control points, and their Jacobians.
@@ -96,3 +102,8 @@ class FoldBarrier:
             gradient = cofactor * scale - own * (short / np.maximum(square, 1e-300))
             rows += places.rows_of(kind, weights, gradient * strength)
         return Rows(places.column, places.row, rows, (LEAST_JACOBIAN - short) * strength)
+
+
+def _each(places: Grid | Places) -> Places:
+    """The places one by one."""
+    return places.places if isinstance(places, Grid) else places

@@ -42,7 +42,8 @@ class Homotopy:
     """The targets of pins between the start and what is wanted.
 
     t: (P,), where they are on the start's projectors. footprint: (P,), world units in a pixel there. last:
-    the way before the pins moved in the image by a few pixels: their t and turns hold on if that is all.
+    the way before an event of a drag. Its t and turns are kept if pins only move in the image: a drag needs
+    the end of the way, which hardly depends on them.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class Homotopy:
         self.footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
 
     def differs_in_positions_only(self, pins: AimPins) -> bool:
-        """Return whether pins want what these want, perhaps elsewhere in the image."""
+        """Return whether pins want what these want, though elsewhere in the image."""
         names = ("points", "directions", "across", "upward", "views", "pivots")
         pairs = ((getattr(self._pins, name), getattr(pins, name)) for name in names)
         return all(np.array_equal(one, other, equal_nan=True) for one, other in pairs)

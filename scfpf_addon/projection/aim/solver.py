@@ -68,8 +68,8 @@ class Aim:
         self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
         self.damping = max(DAMPING, self.least_damping)
         self.steps, self.orientation = 0, self._usual_orientation()
-        # The share by which the last step lowered the energy.
-        self.gain = 1.0
+        # How many of the last steps in turn have each gained little.
+        self.small_gains = 0
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
@@ -105,9 +105,11 @@ class Aim:
         worst = fine.worst(self.points)
         folded = np.flatnonzero(worst < (MENDED_FOUND if self.schedule.mends else FOUND) * LEAST_JACOBIAN)
         if len(folded):
+            found = fine.take(folded)
             # Among those of pixels are all of before that are not mended.
-            kept = self.folds[:1] if self.schedule.mends else self.folds
-            self.folds = [*kept, fine.take(folded)]
+            if len(self.folds) > 1 and not self.schedule.mends:
+                found = self.folds[1].joined(found)
+            self.folds = [self.folds[0], found]
         return float(worst.min())
 
     @property
@@ -126,7 +128,7 @@ class Aim:
         return np.asarray(median(spans) / self.problem.width)
 
     def _begin_pins(self, pins: AimPins, last: Homotopy | None = None) -> None:
-        """Find the way of the pins from the start. last: the one before they moved a little."""
+        """Find the way of the pins from the start. last: that of the last event of a drag."""
         places = self.net.at(*pins.positions)
         self.pins, self.way = pins, Homotopy(places, self.start, pins, self.problem.width, last)
         self.t = self.way.t
@@ -145,7 +147,6 @@ class Aim:
         From a solved result only the detours are on their way, and a way that mends ends when nothing folds.
         """
         plan, warm = self.schedule, self.problem.solved is not None
-        small = 0
         for stage in range(1, plan.stages + 1):
             share = stage / plan.stages
             targets = self.way.targets(1.0 if warm else share)
@@ -162,9 +163,8 @@ class Aim:
                     if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
                         break
                 moved = self.step(targets)
-                counts = final and step >= FOLD_SEARCH and not self.detours
-                small = small + 1 if counts and self.gain < LEAST_GAIN else 0
-                if final and (moved < SETTLED or small >= SMALL_GAINS) and not self.is_folded:
+                gained = self.detours or step <= FOLD_SEARCH or self.small_gains < SMALL_GAINS
+                if final and (moved < SETTLED or not gained) and not self.is_folded:
                     break
         return self.result()
 
@@ -207,14 +207,14 @@ class Aim:
             step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            after = self._value(points, t, targets)
-            if after < before:
-                self.gain = (before - after) / before
+            gain = before - self._value(points, t, targets)
+            if gain > 0.0:
+                self.small_gains = self.small_gains + 1 if gain < LEAST_GAIN * before else 0
                 self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)
             self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
-        self.gain = 0.0
+        self.small_gains += 1
         return 0.0
 
     def _look(self) -> None:

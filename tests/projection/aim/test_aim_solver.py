@@ -8,6 +8,7 @@ import pytest
 
 from scfpf_addon.projection.aim.banded import GridTerms, Normal, Rows, pairs
 from scfpf_addon.projection.aim.control_net import Net
+from scfpf_addon.projection.aim.fold_barrier import FoldBarrier
 from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimWeights
 from scfpf_addon.projection.aim.solver import Aim, solve
 from scfpf_addon.projection.aim.start import projection_of, start_volume
@@ -170,3 +171,17 @@ def test_a_drag_follows_with_one_step_an_event():
         # Behind the pins folds are nobody's business, at every event.
         assert aim.pin_folds.t.max() < 0.5
         assert in_image(result, points, moved).max() < 1.0
+
+
+def test_the_barrier_of_two_parts_is_that_of_each():
+    net, random = Net(12, 8, 4), np.random.default_rng(4)
+    points = net.gather(problem(AimPins(np.zeros((3, 0)), np.zeros((2, 0)))).patches)
+    points = points + random.normal(scale=0.3, size=points.shape)
+    grid = FoldBarrier(net.grid(np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 5)), -1.0)
+    some = FoldBarrier(net.at(*random.random((2, 7))), -1.0)
+    some.look(random.random(7))
+    both = grid.joined(some)
+    worst = np.concatenate([grid.worst(points), some.worst(points)])
+    assert (worst < 0.0).any() and (worst > 0.0).any()
+    np.testing.assert_allclose(both.worst(points), worst, rtol=1e-9, atol=1e-12)
+    assert np.isclose(both.value(points, 2.0), grid.value(points, 2.0) + some.value(points, 2.0))
