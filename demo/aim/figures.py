@@ -84,8 +84,9 @@ FIGURES = (
         },
         pins((0.04, 0.17, 0.3, 0.43, 0.57, 0.7, 0.83, 0.96), (0.45, 0.58, 0.7), 100.0, "Car"),
         480,
-        (16, 10),
-        4,
+        # A finer net ripples between the pins, since nothing stays.
+        (12, 6),
+        5,
         False,
         ("Houses", "Street furniture", "Trees"),
     ),
