@@ -124,6 +124,11 @@ class Normal:
         pulled = product(np.ascontiguousarray(a.T), right).reshape(net.columns, cell, net.rows)
         self.right += pulled.swapaxes(1, 2).reshape(self.right.shape)
 
+    def resist(self, weights: Array) -> None:
+        """Let moves cost their squares. weights: (free surfaces,), of the control points' coordinates."""
+        squares = np.tile(np.repeat(weights**2, 3), self.net.rows)
+        self.band[0, :, range(self.net.block), range(self.net.block)] += squares[:, None]
+
     def solve(self, damping: float) -> Array:
         """The step (unknowns,) of H with its diagonal multiplied by 1 + damping.
 

@@ -174,7 +174,7 @@ class Schedule:
     whether folds are looked for on a finer grid, from the first step on.
     """
 
-    stages: int = 8
+    stages: int = 6
     steps: int = 2
     final_steps: int = 24
     fold: float = 1.0

@@ -31,7 +31,10 @@ from .vectors import cross, dot
 # when so many steps in turn have each lowered the energy by less than this share, once folds were looked for.
 # Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
-LEAST_GAIN, SMALL_GAINS = 1e-2, 2
+LEAST_GAIN, SMALL_GAINS = 2e-2, 2
+# The last steps are proximal (Rockafellar 1976): a move of a pixel costs the square of this. It moves nothing
+# from where the energy is least, but what is weakly held cannot swing into folds.
+PROXIMAL = 0.03
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
@@ -67,26 +70,21 @@ class Aim:
         self.points = self.start.copy()
         self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
         self.damping = max(DAMPING, self.least_damping)
-        self.steps, self.orientation = 0, self._usual_orientation()
-        # How many of the last steps in turn have each gained little.
-        self.small_gains = 0
+        self.steps, self.fold_grid = 0, self._grid(FOLD_GRID)
+        self.orientation = _usual_orientation(self.fold_grid, self.start)
+        # How many of the last steps in turn have each gained little, and the cost of a move.
+        self.small_gains, self.proximal = 0, 0.0
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
         self.stays = [StayEnergy(self.net, s, weights, self.points, problem.width) for s in problem.stays]
-        self.folds = [FoldBarrier(self._grid(FOLD_GRID), self.orientation)]
+        self.folds = [FoldBarrier(self.fold_grid, self.orientation)]
         self.fold_strength = weights.fold
         if problem.solved is not None:
             self.points, self.t = self.net.gather(problem.solved.patches), problem.solved.t.copy()
 
     def _grid(self, counts: tuple[int, int]) -> Grid:
         return self.net.grid(*(np.linspace(0.0, 1.0, count) for count in counts))
-
-    def _usual_orientation(self) -> float:
-        """The sign of the determinant where nothing folds."""
-        places = self._grid(FOLD_GRID)
-        middle = Along.of(places.controls(self.points), np.full(len(places.places.column), 0.5))
-        return float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
 
     def _find_folds(self) -> float:
         """Test the folds between the tested projectors, too. Returns the least scaled Jacobian of all."""
@@ -98,10 +96,7 @@ class Aim:
         fine = FoldBarrier(grid, self.orientation)
         if self.problem.first_hits is not None:
             t = self.problem.first_hits(grid.controls(self.points)[0]).t
-            if self.schedule.mends:
-                # What this pixel meets the next one may pass.
-                t = _farthest_near(t.reshape(len(grid.u), len(grid.v))).ravel()
-            fine.look(t)
+            fine.look(_farthest_near(t, grid) if self.schedule.mends else t)
         worst = fine.worst(self.points)
         folded = np.flatnonzero(worst < (MENDED_FOUND if self.schedule.mends else FOUND) * LEAST_JACOBIAN)
         if len(folded):
@@ -153,6 +148,7 @@ class Aim:
             for detours in self.detours:
                 detours.share = share
             final = stage == plan.stages
+            self.proximal = PROXIMAL if final and not warm else 0.0
             for step in range(plan.final_steps if final else plan.steps):
                 if is_cancelled is not None and is_cancelled():
                     return None
@@ -198,6 +194,7 @@ class Aim:
         for stays in self.stays:
             normal.add_grid(stays.linearise(self.points))
         before = self._value(self.points, self.t, targets)
+        normal.resist(self.proximal / self.footprints)
         longest = LONGEST_MOVE * self.problem.width
         for _ in range(ATTEMPTS):
             step = normal.solve(self.damping)
@@ -230,7 +227,8 @@ class Aim:
         hits = self.problem.first_hits(np.concatenate(parts, axis=2))
         ends = np.cumsum([part.shape[2] for part in parts])[:-1]
         seen = list(zip(np.split(hits.t, ends), np.split(hits.wanted, ends), strict=True))
-        for fold, (t, _) in zip(self.folds, seen, strict=False):
+        self.folds[0].look(_farthest_near(seen[0][0], self.fold_grid))
+        for fold, (t, _) in zip(self.folds[1:], seen[1:], strict=False):
             fold.look(t)
         for stays, (t, wanted) in zip(self.stays, seen[len(self.folds) :], strict=True):
             stays.hide(t, wanted)
@@ -254,12 +252,18 @@ class Aim:
         return AimResult(self.net.patches(self.points), self.t.copy(), residuals, self.steps)
 
 
-def _farthest_near(t: Array) -> Array:
-    """The largest of values on a grid (U, V) and their eight neighbours."""
-    wide = np.pad(t, 1, mode="edge")
+def _usual_orientation(grid: Grid, points: Array) -> float:
+    """The sign of the determinant where nothing folds."""
+    middle = Along.of(grid.controls(points), np.full(grid.count, 0.5))
+    return float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
+
+
+def _farthest_near(t: Array, grid: Grid) -> Array:
+    """The largest t of each place of a grid and its eight neighbours: what one meets the next may pass."""
+    wide = np.pad(t.reshape(len(grid.u), len(grid.v)), 1, mode="edge")
     along = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
     found: Array = np.maximum(np.maximum(along[:, :-2], along[:, 1:-1]), along[:, 2:])
-    return found
+    return found.ravel()
 
 
 def pin_residuals(energy: PinEnergy, points: Array, t: Array, wanted: Array, problem: AimProblem) -> Array:
