@@ -16,8 +16,10 @@ from .judge import Judgement
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
 # barrier hold their own against them, and stays that count less force no folds.
 FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
-# From a solved volume, the way of detours round what hides pins.
-FREEING = Schedule(stages=4, final_steps=40)
+# From a solved volume, the ways of detours round what hides pins: what frees most is tried first, what keeps
+# pins and background best at last.
+_FREEING = Schedule(stages=4, final_steps=40)
+FREEING = (replace(_FREEING, pin=1.4, detour=2.0), _FREEING, replace(_FREEING, pin=2.0))
 # Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
 # too many to be mended.
 FORCED, MENDABLE = 0.005, 0.03
@@ -55,7 +57,7 @@ def solve_in_rounds(
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
     old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
-    mended if it folds, and if that fails stays count more, then less. A last round frees hidden pins from
+    mended if it folds, and if that fails stays count more, then less. Further rounds free hidden pins from
     where that ended.
     """
     rounds = _Rounds(old, report)
@@ -105,17 +107,15 @@ def _mended(
 
 
 def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
-    """The round that frees pins from where the best one ended, if it is better.
+    """The first round that frees pins from where the best one ended and is better; else the best one.
 
     Their shortfalls are compared, also if the best one meets the bars: no bar counts hidden pins.
     """
-    freed = rounds.solve(problem, judged, FREEING, 1.0)
-    if freed is None:
-        return best
-    old, new = best.judgement, freed.judgement
-    sees_more = new.hidden < old.hidden and new.shortfall < old.shortfall
-    keeps = not new.worse_than(rounds.old) and (new.is_clean or not old.is_clean)
-    return freed if sees_more and keeps else best
+    for way in FREEING:
+        freed = rounds.solve(problem, judged, way)
+        if freed is not None and rounds.frees(best.judgement, freed.judgement):
+            return freed
+    return best
 
 
 def other_ways(first: Judgement) -> list[Schedule]:
@@ -158,6 +158,11 @@ class _Rounds:
     def is_good(self, found: Round) -> bool:
         """Return whether nothing is left to better."""
         return found.judgement.meets_bars and not found.judgement.worse_than(self.old)
+
+    def frees(self, old: Judgement, new: Judgement) -> bool:
+        """Return whether less is hidden in a judgement than in an old one, and nothing else worse."""
+        sees_more = new.hidden < old.hidden and new.shortfall < old.shortfall
+        return sees_more and not new.worse_than(self.old) and (new.is_clean or not old.is_clean)
 
     def rank(self, found: Round) -> tuple[bool, float]:
         """The less the better, if folds can still be mended."""

@@ -169,9 +169,9 @@ class Schedule:
     """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
 
     stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold, fold_growth: factor
-    of the barrier's weight, and the multiple to which it grows by then. pin, stay, robust: factors of the
-    weight of pins' distances and of stays, and of the distance from which stays lose their influence. mends:
-    whether folds are looked for on a finer grid, from the first step on.
+    of the barrier's weight, and the multiple to which it grows by then. pin, stay, robust, detour: factors of
+    the weights of pins' distances and of stays, of the distance from which stays lose their influence, and of
+    the weight of detours. mends: whether folds are looked for on a finer grid, from the first step on.
     """
 
     stages: int = 6
@@ -182,6 +182,7 @@ class Schedule:
     pin: float = 1.0
     stay: float = 1.0
     robust: float = 1.0
+    detour: float = 1.0
     mends: bool = False
 
     @property

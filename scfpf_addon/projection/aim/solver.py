@@ -61,7 +61,7 @@ class Aim:
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
         plan, weights = self.schedule, problem.weights
-        names = ("pin", "stay", "robust", "fold")
+        names = ("pin", "stay", "robust", "fold", "detour")
         factors = {name: getattr(weights, name) * getattr(plan, name) for name in names}
         self.weights = weights = replace(weights, **factors)
         rows, columns = problem.patches[0].points.shape[:2]

@@ -130,5 +130,7 @@ def test_freed_pins_are_taken_if_the_image_is_better(monkeypatch, freed, taken):
     best = rounds.solve_in_rounds(
         PROBLEM, lambda result: hidden, OLD, free=lambda found: (problem, lambda result: freed)
     )
-    assert solved == [(PROBLEM, rounds.FIRST), (problem, rounds.FREEING)]
+    # One way that frees suffices.
+    ways = rounds.FREEING[:1] if taken else rounds.FREEING
+    assert solved == [(PROBLEM, rounds.FIRST), *((problem, way) for way in ways)]
     assert (best.judgement is freed) == taken

@@ -103,6 +103,20 @@ def test_equations_are_solved_as_by_linalg():
     np.testing.assert_allclose(normal.solve(0.25), expected, rtol=1e-9, atol=1e-12)
 
 
+def test_moves_that_cost_are_a_damping_of_their_own():
+    net = Net(5, 4, 3)
+    random = np.random.default_rng(5)
+    normal = plain(net)
+    places = net.at(random.random(20), random.random(20))
+    normal.add(Rows.of(places, random.normal(size=(16 * 6, 1, 20)), random.normal(size=(1, 20))))
+    matrix = full(normal)
+    normal.resist(np.array([0.5, 3.0]))
+    # Unknowns are ordered by point, surface and component.
+    costs = np.tile([0.25] * 3 + [9.0] * 3, net.points)
+    expected = np.linalg.solve(matrix + np.diag(costs), normal.right.reshape(-1))
+    np.testing.assert_allclose(normal.solve(0.0), expected, rtol=1e-9, atol=1e-12)
+
+
 def test_residuals_on_a_grid_are_summed_as_rows_are():
     net = Net(7, 5, 3)
     random = np.random.default_rng(4)
