@@ -16,10 +16,10 @@ from .judge import Judgement
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
 # barrier hold their own against them, and stays that count less force no folds.
 FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
-# From a solved volume, the ways of detours round what hides pins: what frees most is tried first, what keeps
-# pins and background best at last.
+# From a solved volume, the ways of detours round what hides pins. The second one frees most, the third one
+# holds pins and background best.
 _FREEING = Schedule(stages=4, final_steps=40)
-FREEING = (replace(_FREEING, pin=1.4, detour=2.0), _FREEING, replace(_FREEING, pin=2.0))
+FREEING = (_FREEING, replace(_FREEING, pin=1.4, detour=2.0), replace(_FREEING, pin=2.0))
 # Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
 # too many to be mended.
 FORCED, MENDABLE = 0.005, 0.03
@@ -107,15 +107,18 @@ def _mended(
 
 
 def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
-    """The first round that frees pins from where the best one ended and is better; else the best one.
+    """The best of the rounds that free pins from where the best one ended; without a better one that.
 
     Their shortfalls are compared, also if the best one meets the bars: no bar counts hidden pins.
     """
+    better = [best]
     for way in FREEING:
         freed = rounds.solve(problem, judged, way)
-        if freed is not None and rounds.frees(best.judgement, freed.judgement):
-            return freed
-    return best
+        if way == FREEING[0] and (freed is None or freed.judgement.hidden >= best.judgement.hidden):
+            break
+        if freed is not None and rounds.is_freer(best.judgement, freed.judgement):
+            better.append(freed)
+    return min(better, key=lambda found: found.judgement.shortfall)
 
 
 def other_ways(first: Judgement) -> list[Schedule]:
@@ -159,7 +162,7 @@ class _Rounds:
         """Return whether nothing is left to better."""
         return found.judgement.meets_bars and not found.judgement.worse_than(self.old)
 
-    def frees(self, old: Judgement, new: Judgement) -> bool:
+    def is_freer(self, old: Judgement, new: Judgement) -> bool:
         """Return whether less is hidden in a judgement than in an old one, and nothing else worse."""
         sees_more = new.hidden < old.hidden and new.shortfall < old.shortfall
         return sees_more and not new.worse_than(self.old) and (new.is_clean or not old.is_clean)

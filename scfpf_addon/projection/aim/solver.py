@@ -31,7 +31,7 @@ from .vectors import cross, dot
 # when so many steps in turn have each lowered the energy by less than this share, once folds were looked for.
 # Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
-LEAST_GAIN, SMALL_GAINS = 2e-2, 2
+LEAST_GAIN, SMALL_GAINS = 2e-2, 3
 # The last steps are proximal (Rockafellar 1976): a move of a pixel costs the square of this. It moves nothing
 # from where the energy is least, but what is weakly held cannot swing into folds.
 PROXIMAL = 0.03
@@ -73,7 +73,7 @@ class Aim:
         self.steps, self.fold_grid = 0, self._grid(FOLD_GRID)
         self.orientation = _usual_orientation(self.fold_grid, self.start)
         # How many of the last steps in turn have each gained little, and the cost of a move.
-        self.small_gains, self.proximal = 0, 0.0
+        self.small_gains, self.proximal, self.least = 0, 0.0, np.inf
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
@@ -148,7 +148,7 @@ class Aim:
             for detours in self.detours:
                 detours.share = share
             final = stage == plan.stages
-            self.proximal = PROXIMAL if final and not warm else 0.0
+            self.proximal, self.least = PROXIMAL if final and not warm else 0.0, np.inf
             for step in range(plan.final_steps if final else plan.steps):
                 if is_cancelled is not None and is_cancelled():
                     return None
@@ -206,7 +206,9 @@ class Aim:
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
             gain = before - self._value(points, t, targets)
             if gain > 0.0:
-                self.small_gains = self.small_gains + 1 if gain < LEAST_GAIN * before else 0
+                after = before - gain
+                self.small_gains = self.small_gains + 1 if after > (1.0 - LEAST_GAIN) * self.least else 0
+                self.least = min(self.least, after)
                 self.damping = max(self.damping * EASED, self.least_damping)
                 self.points, self.t = points, t
                 return min(pixels, longest)
