@@ -71,6 +71,9 @@ class PassingScene:
                 copy.collection.children.unlink(collection)
         self.passes = SwitchedPasses(layer)
         _settle(copy, layer)
+        # One picture takes several renders, of which only the first need send the scene to Cycles. Passes are
+        # switched between them, which Blender 4.5 does not survive then.
+        copy.render.use_persistent_data = not self.passes.is_any
 
     @property
     def scene(self):
@@ -204,8 +207,6 @@ def _settle(scene, layer) -> None:
     render.engine = CYCLES
     render.use_multiview = render.use_sequencer = render.use_compositing = False
     render.use_freestyle = render.use_file_extension = False
-    # One picture takes several renders, of which only the first need send the scene to Cycles.
-    render.use_persistent_data = True
     # In a window: edits between two renders would be seen in one of them only.
     render.use_lock_interface = True
     scene.timeline_markers.clear()

@@ -85,6 +85,11 @@ class SwitchedPasses:
         return any(name in own and switch not in self.names for switch, own in COLOR_NAMES.items())
 
     @property
+    def is_any(self) -> bool:
+        """Return whether any pass is switched on."""
+        return bool(self.names or self._aovs)
+
+    @property
     def need_chords(self) -> bool:
         """Return whether passes of rigs are made from what their portals write into AOVs."""
         return not self.names.isdisjoint(("use_pass_z", "use_pass_mist"))
