@@ -128,7 +128,7 @@ def is_too_coarse(camera) -> bool:
         for slot in camera.scfpf.surfaces
         if slot.object is not None and slot.object.type == "MESH"
     ]
-    seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera)
+    seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera, with_pixels=False)
     if any(not _is_cut(mesh, end, field, camera) for mesh in meshes for end, field in seams):
         return True
     wanted = least_faces(camera)
@@ -249,8 +249,10 @@ def _chart(mesh: SeamMesh) -> UVChart:
 
 
 def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
-    """The settings that place a field's seam."""
-    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS").index(field.kind)
+    """The settings that place a field's seam; of a painted one Update Blend alone follows the image."""
+    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS", "IMAGE").index(field.kind)
+    if field.kind == "IMAGE":
+        return [float(kind), aspect]
     if field.kind == "VIEWS":
         return [float(kind), aspect, *(value for circle in field.circles for value in circle)]
     return [float(kind), aspect, *field.centre, *field.size, field.angle]
