@@ -42,7 +42,7 @@ def add_layer(camera, collection: str, eye, **settings):
 
 
 def both_sides():
-    """The car's front and both sides, before a street that stays."""
+    """The car's front and both sides by a preset, which ends at the tail, before a street that stays."""
     import bpy
 
     from demo import render_demo
@@ -246,10 +246,17 @@ def select_only(*cameras) -> None:
         bpy.context.view_layer.objects.active = camera
 
 
+def past_the_tail():
+    """The car's front and both sides before its street, by a volume that goes on behind the car."""
+    from demo.showpieces.evening_car import evening_car
+
+    return evening_car(SIZE)
+
+
 PICTURES = {
     "layers-blend": around_view,
-    "layers-car": both_sides,
-    "layers-car-cycles": both_sides,
+    "layers-car": past_the_tail,
+    "layers-car-cycles": past_the_tail,
     "layers-still": still_life,
 }
 # Width and height of a picture by Cycles, and its samples, which are denoised.

@@ -271,6 +271,13 @@ def _is_cut(mesh, end: End, field: BlendField, camera) -> bool:
     return list(numbers) == _seam_numbers(field, camera.scfpf.fitted_aspect or 1.0)
 
 
+def has_cuts(camera) -> bool:
+    """Return whether surfaces of a camera are cut along seams of maps."""
+    surfaces = (slot.object for slot in camera.scfpf.surfaces)
+    meshes = (each.data for each in surfaces if each is not None and each.type == "MESH")
+    return any(name.startswith(SEAM) for mesh in meshes for name in mesh.keys())
+
+
 def _note_seams(camera, mesh: SeamMesh) -> None:
     """Write which vertices are within each of the camera's own fields that have a seam."""
     seams = own_seams(camera)
