@@ -87,8 +87,8 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
     )
     is_sharp: switch(
         "Sharp",
-        "Cut the surfaces along the edges of what is painted, where it is half white: press Update Blend after "
-        "painting",
+        "Cut the surfaces along the edges of what is painted, where it is half white: press Update Blend "
+        "after painting",
         False,
         **_STATIC,
     )

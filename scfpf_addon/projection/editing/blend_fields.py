@@ -26,7 +26,8 @@ class BlendField:
     rectangle; the first is the circle's diameter. angle: radians counterclockwise; that of the direction in
     which a linear field grows, or of the rectangle. border: width of the transition, half of it inside; with
     VIEWS all of it is outside. pixels: (H, W) in [0, 1], row 0 at the bottom. is_sharp: whether pixels count
-    as 1 from a half on, and as 0 below. is_inverted: whether 0 and 1 change places. circles: at least one for VIEWS: the centre, as ``centre``, and the diameter.
+    as 1 from a half on, and as 0 below. is_inverted: whether 0 and 1 change places. circles: at least one for
+    VIEWS: the centre, as ``centre``, and the diameter.
     """
 
     kind: FieldKind
