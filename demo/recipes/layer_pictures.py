@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render the pictures of docs/compose.md: `python3 dev.py pictures layers-car layers-still`.
 
+Each also writes its scene into demo/output/layers/.
 `layers-car-cycles` takes Cycles some minutes.
 """
 
@@ -13,6 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "pictures"
+OUTPUT = ROOT / "demo" / "output" / "layers"
 SIZE = (1000, 500)
 QUALITY = 88
 
@@ -264,7 +266,7 @@ CYCLES_SIZE, CYCLES_SAMPLES = (640, 320), 32
 
 
 def picture(name: str, scratch: Path) -> Path:
-    """Build a scene, render it and keep it as a JPEG."""
+    """Build a scene, render it, and keep it as a .blend and the image as a JPEG."""
     import bpy
     from PIL import Image
 
@@ -283,6 +285,9 @@ def picture(name: str, scratch: Path) -> Path:
     else:
         print(name, render_demo.render(scene, raw), flush=True)
     path = FOLDER / f"{name}.jpg"
+    render_demo.open_on(scene)
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
     Image.open(raw).convert("RGB").save(path, quality=QUALITY, optimize=True)
     return path
 
