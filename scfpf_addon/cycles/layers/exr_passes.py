@@ -8,7 +8,7 @@ Python sees no pixels of Blender's render results, and loaded multilayer files h
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -45,10 +45,11 @@ class _Part(NamedTuple):
     bottom: int
 
 
-def read_passes(path: str) -> dict[str, Pass]:
+def read_passes(path: str, needed: Iterable[str] = ()) -> dict[str, Pass]:
     """Read the passes of a file's only view layer, by name.
 
-    path: of an uncompressed float32 file. Raises PassesError, or OSError.
+    path: of an uncompressed float32 file. needed: names of passes that it has to have. Raises PassesError, or
+    OSError.
     """
     data = np.fromfile(path, np.uint8)
     raw = data.tobytes() if len(data) < 8 else bytes(data[:8])
@@ -72,6 +73,9 @@ def read_passes(path: str) -> dict[str, Pass]:
             name, _, letter = title.partition(".")[2].rpartition(".")
             found.setdefault(name, {})[letter] = values[::-1, channel]
         at += height * stride
+    for name in needed:
+        if name not in found:
+            raise PassesError("'{0}' has no pass {1}", path, name)
     return {name: _pass(channels) for name, channels in found.items()}
 
 

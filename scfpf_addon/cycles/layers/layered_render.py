@@ -170,7 +170,7 @@ class LayeredRender:
         is_rigged, wanted = read.views[number].place is None, self._passing.passes
         with self._passing.colored(window, read.size, number > 0, is_rigged):
             yield name
-            found = read_passes(self._passing.path)
+            found = read_passes(self._passing.path, (COMBINED, POSITION))
             mist = Mist.of(self._passing.scene.world) if is_rigged else None
         place = found[POSITION].values.astype(np.float64).transpose(2, 0, 1)[:, None]
         return Shot(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
@@ -181,7 +181,7 @@ class LayeredRender:
         """Render positions (3, S, H, W) at S places of each pixel, and whether anything is there."""
         with self._passing.located(window, read.size):
             yield f"{name}, distances"
-            found = read_passes(self._passing.path)
+            found = read_passes(self._passing.path, (COMBINED, POSITION))
             place, alpha = found[POSITION].values.astype(np.float64), found[COMBINED].values[..., 3:]
         height, width = window.top - window.bottom, window.right - window.left
         both = np.concatenate([place, alpha], axis=2).reshape(height, KEY_SIDE, width, KEY_SIDE, 4)
