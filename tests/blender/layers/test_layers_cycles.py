@@ -206,6 +206,16 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
         passing.remove()
 
 
+def composed(scene):
+    """The nodes of a scene's compositor, and their links."""
+    tree = scene.compositing_node_group if bpy.app.version >= (5, 0, 0) else scene.node_tree
+    if tree is None:
+        return None
+    return [node.name for node in tree.nodes], [
+        (link.from_socket.identifier, link.to_node.name, link.to_socket.identifier) for link in tree.links
+    ]
+
+
 def state(scene):
     """The RNA properties of a scene and its objects, what is in the file, and where objects are linked."""
 
@@ -243,6 +253,7 @@ def state(scene):
             obj.name: (values(obj), sorted(obj.keys()), [c.name for c in obj.users_collection])
             for obj in bpy.data.objects
         },
+        "compositor": composed(scene),
         "drivers": {obj.name: obj.animation_data is None for obj in bpy.data.objects},
     }
 
@@ -257,6 +268,7 @@ def test_the_scene_is_as_before(scene, addon, end, monkeypatch):
         # A rig of the artist's own stays, and goes on skipping.
         bpy.context.view_layer.objects.active = bpy.data.objects["Master"]
         assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+        assert bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
     bpy.context.view_layer.update()
     before = state(scene)
     jobs = addon("cycles.layers.layers_job")
