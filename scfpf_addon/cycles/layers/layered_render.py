@@ -11,6 +11,7 @@ from collections.abc import Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
@@ -31,13 +32,13 @@ HALF = 0.5
 class Shot(NamedTuple):
     """What a render of a view's colours has told of a window's pixels.
 
-    color: (H, W, 4), premultiplied. passes: as of ``summed``. position: (3, 1, H, W), of one sample of each
-    pixel, and is_hit: (1, H, W), whether it meets anything.
+    color: (H, W, 4), premultiplied. passes: as of ``summed``. position: (3, 1, H, W) float32, of one
+    sample of each pixel, and is_hit: (1, H, W), whether it meets anything.
     """
 
     color: Single
     passes: dict[str, Pass]
-    position: Array
+    position: NDArray[np.float32]
     is_hit: BoolArray
 
     def part(self, own: tuple[slice, slice]) -> Shot:
@@ -106,7 +107,7 @@ class LayeredRender:
         keys = np.full((1, 1, 1), np.inf)
         if compared is not None:
             keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
-        first = self._keys(read, 0, shot.position, shot.is_hit)[0]
+        first = self._first_keys(read, 0, shot, shot.is_hit)
         return ShownPixels(whole, shot.color, compared or Border(0, 0, 1, 1), keys, shot.passes, first)
 
     def _layer(
@@ -135,7 +136,7 @@ class LayeredRender:
         nearest = self._keys(read, number, middle, shot.color[None, ..., 3] > 0.0)
         keys = np.where(np.isfinite(keys).any(axis=0), keys, nearest)
         covered = cover(layer, read.size, seen)
-        first = self._keys(read, number, shot.position, shot.is_hit & (covered >= HALF))[0]
+        first = self._first_keys(read, number, shot, shot.is_hit & (covered >= HALF))
         passes = {
             name: each if name in OF_ONE_SAMPLE else each._replace(values=each.values * covered[..., None])
             for name, each in shot.passes.items()
@@ -172,7 +173,7 @@ class LayeredRender:
             yield name
             found = read_passes(self._passing.path, (COMBINED, POSITION))
             mist = Mist.of(self._passing.scene.world) if is_rigged else None
-        place = found[POSITION].values.astype(np.float64).transpose(2, 0, 1)[:, None]
+        place = found[POSITION].values.transpose(2, 0, 1)[:, None]
         return Shot(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
 
     def _places(
@@ -187,6 +188,17 @@ class LayeredRender:
         both = np.concatenate([place, alpha], axis=2).reshape(height, KEY_SIDE, width, KEY_SIDE, 4)
         both = both.transpose(4, 1, 3, 0, 2).reshape(4, -1, height, width)
         return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
+
+    def _first_keys(self, read: ReadViews, number: int, shot: Shot, is_hit: BoolArray) -> Array:
+        """The keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without passes.
+
+        is_hit: (1, H, W), whether it shows the layer.
+        """
+        if not shot.passes:
+            return np.zeros((0, 0))
+        position: Array = shot.position.astype(np.float64)
+        first: Array = self._keys(read, number, position, is_hit)[0]
+        return first
 
     def _keys(self, read: ReadViews, number: int, place: Array, is_hit: BoolArray) -> Array:
         """The keys (S, H, W) of positions (3, S, H, W). is_hit: (S, H, W)."""

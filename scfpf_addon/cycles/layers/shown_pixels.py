@@ -24,8 +24,8 @@ class ShownPixels(NamedTuple):
     """Colours (H, W, 4), premultiplied, of the pixels of a window, and keys (S, h, w) of those of another.
 
     The keys are those at S places of each pixel. Outside of the windows nothing is shown, or nothing is known
-    to be near: the key is infinite. passes: as of ``summed``. first: (H, W), keys of what these show that are
-    of one sample of each pixel.
+    to be near: the key is infinite. passes: as of ``summed``. first: (H, W), keys of what those of one
+    sample of each pixel show, empty without passes.
     """
 
     window: Border
@@ -79,6 +79,8 @@ def join_into(rest: ShownPixels, layers: Sequence[ShownPixels]) -> None:
         share = shares(alphas, [keys for _, keys in parts])
         is_seen = (np.stack(alphas[1:]) > 0.0).any(axis=0)
         rest.color[own] = joined([color for color, _ in parts], share, is_seen).reshape(height, width, 4)
+        if not rest.passes:
+            continue
         nearest = np.argmin([widened(each.first, each.window, window, np.inf).ravel() for each in sources], 0)
         for name, (_letters, values) in rest.passes.items():
             found = [each.pass_part(name, window) for each in sources]
