@@ -28,7 +28,7 @@ MAP_SETTINGS = {
     "LINEAR": ("center", "angle", "border"),
     "RADIAL": ("center", "size", "border"),
     "RECTANGLE": ("center", "size", "angle", "border"),
-    "IMAGE": (),
+    "IMAGE": ("is_sharp",),
     "VIEWS": ("border",),
 }
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render the pictures of docs/compose.md: `python3 dev.py pictures layers-car layers-still`.
 
+Each also writes its scene into demo/output/layers/.
 `layers-car-cycles` takes Cycles some minutes.
 """
 
@@ -13,6 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "pictures"
+OUTPUT = ROOT / "demo" / "output" / "layers"
 SIZE = (1000, 500)
 QUALITY = 88
 
@@ -42,7 +44,7 @@ def add_layer(camera, collection: str, eye, **settings):
 
 
 def both_sides():
-    """The car's front and both sides, before a street that stays."""
+    """The car's front and both sides by a preset, which ends at the tail, before a street that stays."""
     import bpy
 
     from demo import render_demo
@@ -246,10 +248,17 @@ def select_only(*cameras) -> None:
         bpy.context.view_layer.objects.active = camera
 
 
+def past_the_tail():
+    """The car's front and both sides before its street, by a volume that goes on behind the car."""
+    from demo.showpieces.evening_car import evening_car
+
+    return evening_car(SIZE)
+
+
 PICTURES = {
     "layers-blend": around_view,
-    "layers-car": both_sides,
-    "layers-car-cycles": both_sides,
+    "layers-car": past_the_tail,
+    "layers-car-cycles": past_the_tail,
     "layers-still": still_life,
 }
 # Width and height of a picture by Cycles, and its samples, which are denoised.
@@ -257,7 +266,7 @@ CYCLES_SIZE, CYCLES_SAMPLES = (640, 320), 32
 
 
 def picture(name: str, scratch: Path) -> Path:
-    """Build a scene, render it and keep it as a JPEG."""
+    """Build a scene, render it, and keep it as a .blend and the image as a JPEG."""
     import bpy
     from PIL import Image
 
@@ -276,6 +285,9 @@ def picture(name: str, scratch: Path) -> Path:
     else:
         print(name, render_demo.render(scene, raw), flush=True)
     path = FOLDER / f"{name}.jpg"
+    render_demo.open_on(scene)
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
     Image.open(raw).convert("RGB").save(path, quality=QUALITY, optimize=True)
     return path
 

@@ -14,15 +14,17 @@ def types():
 
 def register():
     from . import rig
-    from .layers import layers_job
+    from .layers import layers_job, passes_image
 
     rig.register()
     layers_job.register()
+    passes_image.register()
 
 
 def unregister():
     from . import rig
-    from .layers import layers_job
+    from .layers import layers_job, passes_image
 
+    passes_image.unregister()
     layers_job.unregister()
     rig.unregister()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from ..bridge.blender.slot_animation import curve_collections
+from ..bridge.blends.camera_blend import has_cuts
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
 from ..projection.template_error import Message
 from . import hidden_surfaces
@@ -14,6 +15,7 @@ from .rig_data import CYCLES, NO_CYCLES, has_cycles
 # Start of the data paths of image mappings.
 MAPPINGS_PATH = "scfpf.mappings["
 NO_AREA = Message("Projectors meet in a line, and what is behind it shows too: widen that control surface")
+STEPS = Message("Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with SCFPF")
 
 
 def cautions(scene, view_layer, rig) -> list[str]:
@@ -73,7 +75,9 @@ def _about_volume(scene, settings) -> list[str]:
         )
     if settings.flat:
         found.append(NO_AREA)
-    if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
+    if has_cuts(settings.camera):
+        found.append(STEPS)
+    elif settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
         found.append(
             Message("Off by up to {0:.2g} px, the best possible: bend the volume less", settings.error)
         )

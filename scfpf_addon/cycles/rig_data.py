@@ -128,10 +128,11 @@ def remove_groups(names: list[str]) -> None:
     remove_unused_groups([group for group in groups if group is not None])
 
 
-def make_rig(scene, camera, chords: ChordPlan, passing: bool = False):
+def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bool = False):
     """Make all datablocks of a camera's rig; return its collection. The scene then renders through it.
 
-    passing: whether the rig is made for one render: it does not follow the camera.
+    passing: whether the rig is made for one render: it does not follow the camera. passes: whether its
+    portals write into AOVs.
     """
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
@@ -146,7 +147,7 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False):
     rig.hide_viewport = rig.hide_select = True
     rig.color_tag = "COLOR_05"
     settings = rig.scfpf_rig
-    settings.is_rig, settings.passing = True, passing
+    settings.is_rig, settings.passing, settings.passes = True, passing, passes
     settings.camera, settings.scene = camera, scene
     settings.portals, settings.view_camera = portal_object, view_camera
     update_nodes(rig)
@@ -428,7 +429,7 @@ def remove_rig(rig) -> None:
     """Remove a rig and every datablock that was made for it, even if some are lost."""
     settings = rig.scfpf_rig
     _give_back(rig)
-    if settings.scene is not None:
+    if settings.scene is not None and not settings.passing:
         aov_passes.remove(settings.scene)
     parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
     meshes = {part.data for part in parts if part.type == "MESH"}

@@ -11,11 +11,16 @@ import numpy as np
 from ...projection.typing import Array
 
 
-def mask_pixels(image) -> Array | None:
-    """The first channel of a Blender image, (H, W) in [0, 1] from the bottom up; None if it has no pixels."""
+def mask_pixels(image, reads: bool = True) -> Array | None:
+    """The first channel of a Blender image, (H, W) in [0, 1] from the bottom up; None if it has no pixels.
+
+    reads: False for a single 0 instead, where it matters only whether there are any.
+    """
     across, up = image.size
     if not (across and up and image.has_data):
         return None
+    if not reads:
+        return np.zeros((1, 1))
     pixels = np.empty(across * up * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
     values = pixels.reshape(up, across, -1)[..., 0].astype(np.float64)

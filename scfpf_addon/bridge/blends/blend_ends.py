@@ -41,14 +41,17 @@ def knows_its_ends(camera) -> bool:
     return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
 
-def read_field(end: End) -> BlendField | None:
-    """The field of an end; None without a map, for an image without pixels and a camera without views."""
+def read_field(end: End, with_pixels: bool = True) -> BlendField | None:
+    """The field of an end; None without a map, for an image without pixels and a camera without views.
+
+    with_pixels: whether to read those of an image, which takes long in drawing.
+    """
     settings = end.settings
     if settings.kind == "NONE":
         return None
     pixels, circles = None, ()
     if settings.kind == "IMAGE":
-        pixels = None if settings.image is None else mask_pixels(settings.image)
+        pixels = None if settings.image is None else mask_pixels(settings.image, with_pixels)
     if settings.kind == "VIEWS":
         circles = view_circles(end.camera)
     if (settings.kind == "IMAGE" and pixels is None) or (settings.kind == "VIEWS" and not circles):
@@ -60,6 +63,7 @@ def read_field(end: End) -> BlendField | None:
         angle=settings.angle,
         border=settings.border,
         pixels=pixels,
+        is_sharp=settings.is_sharp,
         is_inverted=settings.is_inverted,
         circles=circles,
     )
@@ -89,11 +93,11 @@ def _has_curves(camera, paths: str | tuple[str, ...]) -> bool:
     return any(curve.data_path.startswith(paths) for curves in curve_collections(camera) for curve in curves)
 
 
-def own_seams(camera) -> list[tuple[End, BlendField]]:
-    """The ends of a blend camera whose fields have no border, with these fields."""
+def own_seams(camera, with_pixels: bool = True) -> list[tuple[End, BlendField]]:
+    """The ends of a blend camera whose fields have no border, with these fields, as ``read_field`` does."""
     if is_map_animated(camera):
         return []
-    fields = [(end, read_field(end)) for end in ends_of(camera)]
+    fields = [(end, read_field(end, with_pixels)) for end in ends_of(camera)]
     return [(end, field) for end, field in fields if field is not None and field.has_seam]
 
 

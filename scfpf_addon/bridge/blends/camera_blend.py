@@ -128,7 +128,7 @@ def is_too_coarse(camera) -> bool:
         for slot in camera.scfpf.surfaces
         if slot.object is not None and slot.object.type == "MESH"
     ]
-    seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera)
+    seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera, with_pixels=False)
     if any(not _is_cut(mesh, end, field, camera) for mesh in meshes for end, field in seams):
         return True
     wanted = least_faces(camera)
@@ -249,8 +249,10 @@ def _chart(mesh: SeamMesh) -> UVChart:
 
 
 def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
-    """The settings that place a field's seam."""
-    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS").index(field.kind)
+    """The settings that place a field's seam; of a painted one Update Blend alone follows the image."""
+    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS", "IMAGE").index(field.kind)
+    if field.kind == "IMAGE":
+        return [float(kind), aspect]
     if field.kind == "VIEWS":
         return [float(kind), aspect, *(value for circle in field.circles for value in circle)]
     return [float(kind), aspect, *field.centre, *field.size, field.angle]
@@ -267,6 +269,13 @@ def _is_cut(mesh, end: End, field: BlendField, camera) -> bool:
     if numbers is None or _numbered(WITHIN, end) not in mesh.attributes:
         return False
     return list(numbers) == _seam_numbers(field, camera.scfpf.fitted_aspect or 1.0)
+
+
+def has_cuts(camera) -> bool:
+    """Return whether surfaces of a camera are cut along seams of maps."""
+    surfaces = (slot.object for slot in camera.scfpf.surfaces)
+    meshes = (each.data for each in surfaces if each is not None and each.type == "MESH")
+    return any(name.startswith(SEAM) for mesh in meshes for name in mesh.keys())
 
 
 def _note_seams(camera, mesh: SeamMesh) -> None:

@@ -24,6 +24,8 @@ FILE_FORMATS = {
     ".tiff": ("TIFF", "RGBA", "16"),
     ".webp": ("WEBP", "RGBA", "8"),
 }
+# The file format of pictures with their passes.
+MULTILAYER = "OPEN_EXR_MULTILAYER"
 
 # Bytes of a WebP per pixel, at most, with a margin. Blender 5.2 crashes if the disk has no room for them.
 WEBP_BYTES = 5
@@ -73,21 +75,29 @@ def require_place(path: str) -> None:
         raise ResultError("Cannot write '{0}': {1}", path, error.strerror or error) from error
 
 
-def save_result(image, path: str, scene) -> str:
+def is_multilayer(path: str, scene) -> bool:
+    """Return whether a file, with its ending, is to have the passes of a render, as the scene's output."""
+    wanted = scene.render.image_settings.file_format == MULTILAYER
+    return wanted and os.path.splitext(path)[1].lower() == ".exr"
+
+
+def save_result(image, path: str, scene, with_passes: bool = False) -> str:
     """Write an image to a file through the scene's view transform; return the path written.
 
-    The ending of ``path`` chooses the format. The scene's output settings apply if they are of that format;
-    a path without an ending gets theirs. EXR keeps scene-linear values. A symbolic link stays one.
-    Raises ResultError for an unknown ending, a path that cannot be written, and an incomplete file, as on a
-    full disk; then an earlier file at that path is unchanged.
+    with_passes: write all passes of a multilayer image. The ending of ``path`` chooses the format. The
+    scene's output settings apply if they are of that format; a path without an ending gets theirs. EXR keeps
+    scene-linear values. A symbolic link stays one. Raises ResultError for an unknown ending, a path that
+    cannot be written, and an incomplete file, as on a full disk; then an earlier file at that path is
+    unchanged.
     """
     path = with_ending(bpy.path.abspath(path), scene)
     require_place(path)
     extension = os.path.splitext(path)[1].lower()
+    wanted = (MULTILAYER, "RGBA", "32") if with_passes else FILE_FORMATS[extension]
     try:
         with (
             replacing(Path(os.path.realpath(path))) as part,
-            _output_format(scene.render.image_settings, *FILE_FORMATS[extension]),
+            _output_format(scene.render.image_settings, *wanted),
         ):
             if extension == ".webp":
                 reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)

@@ -85,6 +85,13 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
         bpy.types.Image,
         **(_STATIC | {"options": {"ANIMATABLE"}}),
     )
+    is_sharp: switch(
+        "Sharp",
+        "Cut the surfaces along the edges of what is painted, where it is half white: press Update Blend "
+        "after painting",
+        False,
+        **_STATIC,
+    )
     is_inverted: switch("Invert", "Let the camera count where it did not, and the reverse", False, **_STATIC)
     weight: number(
         "Weight",

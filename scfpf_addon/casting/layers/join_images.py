@@ -19,26 +19,33 @@ from ...projection.volume.viewing_volume import ImageLayer
 COVER_SIDE = 4
 
 
-def joined(colors: Sequence[NDArray[np.float32]], keys: Sequence[Array]) -> NDArray[np.float32]:
-    """The colours (N, 4) of pixels, premultiplied.
+def shares(alphas: Sequence[NDArray[np.float32]], keys: Sequence[Array]) -> Array:
+    """The share (K, N) of each pixel in which nothing of the other K - 1 sources is before a source.
 
-    colors: (N, 4) of each source, premultiplied; the first is the rest of the image. keys: (S, N) of each
-    source, at S places of each pixel, see ``layer_keys``. Of equal keys the earlier source is in front. A
-    source whose keys are all infinite is behind the others; pixels in which it is transparent keep the values
-    of the rest.
+    alphas: (N,) of each source. keys: (S, N) of each, at S places of each pixel, see ``layer_keys``. Of equal
+    keys the earlier source is in front. A source whose keys are all infinite is behind the others.
     """
-    stack, depth = np.stack(colors), np.stack([_filled(each) for each in keys])
-    result = np.zeros(stack.shape[1:], np.float64)
+    alpha, depth = np.clip(np.stack(alphas), 0.0, 1.0), np.stack([_filled(each) for each in keys])
+    total, pixels = np.zeros(alpha.shape), np.arange(alpha.shape[1])
     places = depth.shape[1]
     for place in range(places):
         order = np.argsort(depth[:, place], axis=0, kind="stable")
-        shows = np.ones(stack.shape[1])
+        shows = np.ones(alpha.shape[1])
         for rank in order:
-            color = stack[rank, np.arange(len(rank))]
-            result += shows[:, None] * color
-            shows = shows * (1.0 - np.clip(color[:, 3], 0.0, 1.0))
-    seen = (stack[1:, :, 3] > 0.0).any(axis=0)
-    pixels: NDArray[np.float32] = np.where(seen[:, None], result / places, stack[0]).astype(np.float32)
+            total[rank, pixels] += shows
+            shows = shows * (1.0 - alpha[rank, pixels])
+    share: Array = total / places
+    return share
+
+
+def joined(sources: Sequence[NDArray[np.float32]], share: Array, is_seen: BoolArray) -> NDArray[np.float32]:
+    """Values (N, C) of pixels that are sums over their samples, such as premultiplied colours.
+
+    sources: (N, C) of each source; the first is the rest of the image. share: (K, N), see ``shares``.
+    is_seen: (N,), whether any layer is; other pixels keep the values of the rest.
+    """
+    total = sum(each * own[:, None] for each, own in zip(sources, share, strict=True))
+    pixels: NDArray[np.float32] = np.where(is_seen[:, None], total, sources[0]).astype(np.float32)
     return pixels
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes of a render, read from the uncompressed multilayer OpenEXR file that Blender writes.
+"""The passes of a render, in the uncompressed multilayer OpenEXR files that Blender writes and reads.
 
 Python sees no pixels of Blender's render results, and loaded multilayer files have none either. Layout after
 "OpenEXR File Layout" (openexr.com): headers, tables of offsets, then scan lines, each channel's row at once.
@@ -8,6 +8,7 @@ Python sees no pixels of Blender's render results, and loaded multilayer files h
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +16,23 @@ from numpy.typing import NDArray
 
 from ...projection.template_error import TemplateError
 
-MAGIC, MULTIPART = 20000630, 0x1000
+MAGIC, MULTIPART, LONG_NAMES, VERSION = 20000630, 0x1000, 0x400, 2
 FLOAT32 = 2
+# The order of a pass's channels, which files have in another one.
+LETTERS = "RGBXYZWUVTArgba"
 # Bytes of a channel's entry after its name.
 CHANNEL_BYTES = 16
 
 
 class PassesError(TemplateError):
     """A file does not hold passes as Blender writes them; the message says why."""
+
+
+class Pass(NamedTuple):
+    """The values (H, W, channels) of a pass, row 0 at the bottom, and the letters that name its channels."""
+
+    letters: str
+    values: NDArray[np.float32]
 
 
 class _Part(NamedTuple):
@@ -35,11 +45,11 @@ class _Part(NamedTuple):
     bottom: int
 
 
-def read_passes(path: str, name: str) -> NDArray[np.float32]:
-    """Read a pass of a file's only view layer, (H, W, channels), row 0 at the bottom.
+def read_passes(path: str, needed: Iterable[str] = ()) -> dict[str, Pass]:
+    """Read the passes of a file's only view layer, by name.
 
-    path: of an uncompressed float32 file. Channels are in the order in which Blender names them: R, G, B, A
-    or X, Y, Z. Raises PassesError, or OSError.
+    path: of an uncompressed float32 file. needed: names of passes that it has to have. Raises PassesError, or
+    OSError.
     """
     data = np.fromfile(path, np.uint8)
     raw = data.tobytes() if len(data) < 8 else bytes(data[:8])
@@ -48,7 +58,7 @@ def read_passes(path: str, name: str) -> NDArray[np.float32]:
     is_multipart = bool(struct.unpack("<i", raw[4:8])[0] & MULTIPART)
     parts, at = _headers(data, is_multipart)
     rows = sum(part.bottom - part.top + 1 for part in parts)
-    rows_of: dict[str, NDArray[np.float32]] = {}
+    found: dict[str, dict[str, NDArray[np.float32]]] = {}
     at += 8 * rows
     for number, part in enumerate(parts):
         width, height = part.right - part.left + 1, part.bottom - part.top + 1
@@ -60,20 +70,55 @@ def read_passes(path: str, name: str) -> NDArray[np.float32]:
         lines = lines.reshape(height, stride)[:, stride - line :]
         values = np.ascontiguousarray(lines).view("<f4").reshape(height, len(part.channels), width)
         for channel, title in enumerate(part.channels):
-            rows_of[title] = values[::-1, channel]
+            name, _, letter = title.partition(".")[2].rpartition(".")
+            found.setdefault(name, {})[letter] = values[::-1, channel]
         at += height * stride
-    return _pass(path, rows_of, name)
+    for name in needed:
+        if name not in found:
+            raise PassesError("'{0}' has no pass {1}", path, name)
+    return {name: _pass(channels) for name, channels in found.items()}
 
 
-def _pass(path: str, rows_of: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
-    for channels in ("RGBA", "RGB", "XYZ"):
-        found = [
-            next((rows for key, rows in rows_of.items() if key.endswith(f"{name}.{channel}")), None)
-            for channel in channels
-        ]
-        if all(each is not None for each in found):
-            return np.stack([each for each in found if each is not None], axis=-1)
-    raise PassesError("'{0}' has no pass {1}", path, name)
+def _pass(channels: dict[str, NDArray[np.float32]]) -> Pass:
+    letters = "".join(sorted(channels, key=lambda letter: (LETTERS + letter).index(letter)))
+    return Pass(letters, np.stack([channels[letter] for letter in letters], axis=-1))
+
+
+def write_passes(path: str, layer: str, passes: Mapping[str, Pass]) -> None:
+    """Write passes of one size as those of a view layer into a file that Blender reads. Raises OSError."""
+    rows = {
+        f"{layer}.{name}.{letter}": each.values[::-1, :, channel]
+        for name, each in passes.items()
+        for channel, letter in enumerate(each.letters)
+    }
+    # Readers expect the channels in the order of their names' bytes.
+    titles = sorted(rows, key=str.encode)
+    height, width = rows[titles[0]].shape
+    channels = b"".join(title.encode() + b"\0" + struct.pack("<iiii", FLOAT32, 0, 1, 1) for title in titles)
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    attributes = (
+        ("channels", "chlist", channels + b"\0"),
+        ("compression", "compression", b"\0"),
+        ("dataWindow", "box2i", window),
+        ("displayWindow", "box2i", window),
+        ("lineOrder", "lineOrder", b"\0"),
+        ("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+        ("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
+        ("screenWindowWidth", "float", struct.pack("<f", 1.0)),
+        ("BlenderMultiChannel", "string", b"Blender V2.55.1 and newer"),
+    )
+    header = struct.pack("<ii", MAGIC, VERSION | LONG_NAMES)
+    for name, kind, value in attributes:
+        header += name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
+    header += b"\0"
+    size = 4 * len(titles) * width
+    first = len(header) + 8 * height
+    with open(path, "wb") as file:
+        file.write(header + (first + np.arange(height, dtype="<u8") * (size + 8)).tobytes())
+        for row in range(height):
+            file.write(struct.pack("<ii", row, size))
+            for title in titles:
+                file.write(rows[title][row].astype("<f4").tobytes())
 
 
 def _headers(data: NDArray[np.uint8], is_multipart: bool) -> tuple[list[_Part], int]:

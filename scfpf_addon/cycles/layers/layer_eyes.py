@@ -73,7 +73,8 @@ def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
     try:
         with passing.shaped(view.frame.size[0] / view.frame.size[1]):
             chords = _plan(passing.scene, camera, view)
-            rig = make_rig(passing.scene, camera, chords, passing=True)
+            passes = passing.passes.need_chords
+            rig = make_rig(passing.scene, camera, chords, passing=True, passes=passes)
             made = rig.session_uid
             hidden_surfaces.forget()
             hidden_surfaces.hide_surfaces(True)

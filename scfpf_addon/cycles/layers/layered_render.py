@@ -8,31 +8,58 @@ at several places of each pixel.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
 from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
-from .exr_passes import read_passes
+from .exr_passes import Pass, read_passes
+from .joined_passes import COMBINED, OF_ONE_SAMPLE, POSITION, Mist, delivered, summed
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
 from .passing_scene import KEY_SIDE, PassingScene
 from .shown_pixels import ShownPixels, around, join_into, padded, slices, within
 
+# The share from which a part of a pixel stands for its one sample.
+HALF = 0.5
+
+
+class Shot(NamedTuple):
+    """What a render of a view's colours has told of a window's pixels.
+
+    color: (H, W, 4), premultiplied. passes: as of ``summed``. position: (3, 1, H, W) float32, of one
+    sample of each pixel, and is_hit: (1, H, W), whether it meets anything.
+    """
+
+    color: Single
+    passes: dict[str, Pass]
+    position: NDArray[np.float32]
+    is_hit: BoolArray
+
+    def part(self, own: tuple[slice, slice]) -> Shot:
+        """That of some rows and columns."""
+        passes = {name: Pass(letters, values[own]) for name, (letters, values) in self.passes.items()}
+        every = (slice(None), slice(None), *own)
+        return Shot(self.color[own], passes, self.position[every], self.is_hit[every[1:]])
+
 
 class LayeredRender:
     """One image with layers: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
 
-    warnings: what the image does not show as asked. total: the number of its renders, once that is known.
+    passes: of the image, that the view layer has switched on. warnings: what it does not show as asked.
+    total: the number of its renders, once that is known.
     """
 
     def __init__(self, passing: PassingScene) -> None:
         self._passing = passing
         self.warnings: list[str] = []
         self.pixels: Single | None = None
+        self.passes: dict[str, Pass] = {}
         self.total = 0
 
     def steps(self, camera) -> Iterator[str]:
@@ -42,7 +69,7 @@ class LayeredRender:
         """
         read = read_views(self._passing, camera)
         del camera
-        self.warnings += read.layers.warnings
+        self.warnings += [*read.layers.warnings, *self._passing.passes.warnings]
         self._passing.add_groups(read.layers.members, len(read.views))
         found = {number: read.window(number) for number in range(1, len(read.views))}
         windows = {number: window for number, window in found.items() if window is not None}
@@ -68,7 +95,7 @@ class LayeredRender:
             rest = yield from self._rest(read, around(compared) if compared else None)
         if shown:
             join_into(rest, [*shown.values()])
-        self.pixels = rest.color
+        self.pixels, self.passes = rest.color, delivered(rest.passes, self._passing.passes)
 
     def _caution(self, texts: list[str]) -> None:
         self.warnings += [text for text in texts if text not in self.warnings]
@@ -76,11 +103,12 @@ class LayeredRender:
     def _rest(self, read: ReadViews, compared: Border | None) -> Generator[str, None, ShownPixels]:
         """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
         whole = Border(0, 0, *read.size)
-        color = yield from self._colors("the picture", whole, read, is_layer=False)
+        shot = yield from self._colors("the picture", whole, read, 0)
         keys = np.full((1, 1, 1), np.inf)
         if compared is not None:
             keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
-        return ShownPixels(whole, color, compared or Border(0, 0, 1, 1), keys)
+        first = self._first_keys(read, 0, shot, shot.is_hit)
+        return ShownPixels(whole, shot.color, compared or Border(0, 0, 1, 1), keys, shot.passes, first)
 
     def _layer(
         self, read: ReadViews, number: int, window: Border
@@ -89,53 +117,64 @@ class LayeredRender:
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}'"
         box, keys = read.box(number), None
         self._passing.show((number,))
-        color = yield from self._colors(name, window, read, is_layer=True)
-        own = within(color[..., 3] > 0.0, window)
+        shot = yield from self._colors(name, window, read, number)
+        own = within(shot.color[..., 3] > 0.0, window)
         if layer.front == "DEPTH" and own is not None:
             keys = self._keys(read, number, *(yield from self._places(name, own, read)))
             keys = padded(keys, own, window, len(keys))
         if layer.halo > 0.0:
-            place, is_near = yield from self._halo(read, number, window, color)
+            place, is_near = yield from self._halo(read, number, window, shot)
             if layer.front == "DEPTH":
                 near = self._keys(read, number, place, is_near)
                 keys = near if keys is None else np.where(is_near, near, keys)
-        if (seen := within(color[..., 3] > 0.0, window)) is None:
+        if (seen := within(shot.color[..., 3] > 0.0, window)) is None:
             return None
-        color = color[slices(seen, window)]
+        shot = shot.part(slices(seen, window))
         keys = np.full((1, 1, 1), np.inf) if keys is None else keys[(slice(None), *slices(seen, window))]
         # Where no place meets anything opaque the middle of the things has to do.
-        middle = np.broadcast_to(box.middle[:, None, None, None], (3, 1, *color.shape[:2]))
-        nearest = self._keys(read, number, middle, color[None, ..., 3] > 0.0)
+        middle = np.broadcast_to(box.middle[:, None, None, None], (3, *shot.is_hit.shape))
+        nearest = self._keys(read, number, middle, shot.color[None, ..., 3] > 0.0)
         keys = np.where(np.isfinite(keys).any(axis=0), keys, nearest)
-        return ShownPixels(seen, color * cover(layer, read.size, seen)[..., None], seen, keys)
+        covered = cover(layer, read.size, seen)
+        first = self._first_keys(read, number, shot, shot.is_hit & (covered >= HALF))
+        passes = {
+            name: each if name in OF_ONE_SAMPLE else each._replace(values=each.values * covered[..., None])
+            for name, each in shot.passes.items()
+        }
+        return ShownPixels(seen, shot.color * covered[..., None], seen, keys, passes, first)
 
     def _halo(
-        self, read: ReadViews, number: int, window: Border, color: Single
+        self, read: ReadViews, number: int, window: Border, shot: Shot
     ) -> Generator[str, None, tuple[Array, BoolArray]]:
-        """Render the halo of a layer into its colours (H, W, 4).
+        """Render the halo of a layer into its shot.
 
         Returns positions (3, S, H, W) at S places of each pixel, and whether the halo shows what is there.
         """
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}', its halo"
         self._passing.show((0, number), read.beyond(number), held_out=number)
         place, is_seen = yield from self._places(name, window, read)
-        distance = read.box(number).distance(place.reshape(3, -1)).reshape(is_seen.shape)
+        box = read.box(number)
+        distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
         nearness = is_seen * layer.halo_share(distance)
         share, is_near = halo_share(is_seen, nearness), nearness > 0.0
         if (part := within(share > 0.0, window)) is not None:
             self._passing.show((0, number), read.beyond(number))
-            near = yield from self._colors(name, part, read, is_layer=True)
-            own = slices(part, window)
-            color[own] += (near - color[own]) * share[own][..., None]
+            near = yield from self._colors(name, part, read, number)
+            own, (height, width) = slices(part, window), near.color.shape[:2]
+            distance = box.distance(near.position.reshape(3, -1)).reshape(height, width)
+            shows = near.is_hit[0] & (layer.halo_share(distance) >= HALF) & (share[own] > 0.0)
+            _lay_in(shot.part(own), near, share[own], shows)
         return place, is_near
 
-    def _colors(
-        self, name: str, window: Border, read: ReadViews, is_layer: bool
-    ) -> Generator[str, None, Single]:
-        """Render colours (H, W, 4)."""
-        with self._passing.colored(window, read.size, is_layer):
+    def _colors(self, name: str, window: Border, read: ReadViews, number: int) -> Generator[str, None, Shot]:
+        """Render colours and passes through the view of a layer, or of the image."""
+        is_rigged, wanted = read.views[number].place is None, self._passing.passes
+        with self._passing.colored(window, read.size, number > 0, is_rigged):
             yield name
-            return read_passes(self._passing.path, "Combined")
+            found = read_passes(self._passing.path, (COMBINED, POSITION))
+            mist = Mist.of(self._passing.scene.world) if is_rigged else None
+        place = found[POSITION].values.transpose(2, 0, 1)[:, None]
+        return Shot(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
 
     def _places(
         self, name: str, window: Border, read: ReadViews
@@ -143,15 +182,42 @@ class LayeredRender:
         """Render positions (3, S, H, W) at S places of each pixel, and whether anything is there."""
         with self._passing.located(window, read.size):
             yield f"{name}, distances"
-            place = read_passes(self._passing.path, "Position").astype(np.float64)
-            alpha = read_passes(self._passing.path, "Combined")[..., 3:]
+            found = read_passes(self._passing.path, (COMBINED, POSITION))
+            place, alpha = found[POSITION].values.astype(np.float64), found[COMBINED].values[..., 3:]
         height, width = window.top - window.bottom, window.right - window.left
         both = np.concatenate([place, alpha], axis=2).reshape(height, KEY_SIDE, width, KEY_SIDE, 4)
         both = both.transpose(4, 1, 3, 0, 2).reshape(4, -1, height, width)
         return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
+
+    def _first_keys(self, read: ReadViews, number: int, shot: Shot, is_hit: BoolArray) -> Array:
+        """The keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without passes.
+
+        is_hit: (1, H, W), whether it shows the layer.
+        """
+        if not shot.passes:
+            return np.zeros((0, 0))
+        position: Array = shot.position.astype(np.float64)
+        first: Array = self._keys(read, number, position, is_hit)[0]
+        return first
 
     def _keys(self, read: ReadViews, number: int, place: Array, is_hit: BoolArray) -> Array:
         """The keys (S, H, W) of positions (3, S, H, W). is_hit: (S, H, W)."""
         middle = read.box(number).middle if number else None
         keys = layer_keys(read.layers.layers, number, place.reshape(3, -1), is_hit.ravel(), middle)
         return keys.reshape(is_hit.shape)
+
+
+def _lay_in(shot: Shot, near: Shot, share: Array, shows: BoolArray) -> None:
+    """Lay a halo of a shot's size into it.
+
+    share: (H, W), of each pixel that the halo shows. shows: (H, W), whether it shows the pixel's one sample.
+    """
+    shot.color[:] += (near.color - shot.color) * share[..., None]
+    for name, (_letters, values) in shot.passes.items():
+        other = near.passes[name].values
+        if name in OF_ONE_SAMPLE:
+            values[shows] = other[shows]
+        else:
+            values += (other - values) * share[..., None]
+    shot.position[:, 0, shows] = near.position[:, 0, shows]
+    shot.is_hit[0, shows] = True

@@ -11,12 +11,14 @@ import bpy
 
 from ...bridge.blender.scene_objects import object_by_uid
 from ...bridge.render.command_line import CYCLES_RENDERS
-from ...bridge.render.image_file import ResultError, frame_file, require_place, save_result
+from ...bridge.render.image_file import ResultError, frame_file, is_multilayer, require_place, save_result
 from ...bridge.render.render_errors import RENDER_ERRORS
 from ...bridge.render.result_image import keep_result, result_image, show_progress
 from ..rig_data import RigError, require_cycles
-from .exr_passes import PassesError
+from .exr_passes import Pass, PassesError
+from .joined_passes import COMBINED
 from .layered_render import LayeredRender
+from .passes_image import deliver_passes
 from .passing_scene import PassingScene
 
 NOT_RENDERED = "Cycles has written no picture: look at the system console for its reason"
@@ -129,18 +131,33 @@ class LayersJob:
     def _deliver(self) -> None:
         """Keep the finished picture, and write its file."""
         assert self._render is not None and self._render.pixels is not None
-        pixels, scene = self._render.pixels, bpy.data.scenes[self._scene]
+        pixels, passes = self._render.pixels, self._render.passes
         self.warnings += [text for text in self._render.warnings if text not in self.warnings]
         self._end_picture()
         height, width = pixels.shape[:2]
         show_progress(pixels)
-        del pixels
+        path, scene = self._file(self._frame) if self._path else "", bpy.data.scenes[self._scene]
+        if is_multilayer(path, scene) or (passes and not self._frames):
+            self._deliver_passes({COMBINED: Pass("RGBA", pixels), **passes}, path)
+        del pixels, passes
         if not self._frames and (warning := keep_result()):
             self.warnings.append(warning)
-        if self._path:
-            self.written.append(save_result(result_image(), self._file(self._frame), scene))
+        if path and not is_multilayer(path, scene):
+            self.written.append(save_result(result_image(), path, scene))
         made = f"{len(self.written)} pictures, " if self._is_animation else ""
         self.outcome = f"{made}{width}×{height} by Cycles in {time.monotonic() - self._begun:.1f} s"
+
+    def _deliver_passes(self, passes: dict[str, Pass], path: str) -> None:
+        """Write the file of a picture with its passes if it is to have them; keep those of the last one."""
+        scene = bpy.data.scenes[self._scene]
+
+        def save(image) -> None:
+            self.written.append(save_result(image, path, scene, with_passes=True))
+
+        save_if = save if is_multilayer(path, scene) else None
+        keeps = len(passes) > 1 and not self._frames
+        if warning := deliver_passes(passes, self._layer, save_if, keeps):
+            self.warnings.append(warning)
 
     def _file(self, frame: int) -> str:
         return frame_file(self._path, bpy.data.scenes[self._scene], frame, self._is_animation)

@@ -20,6 +20,7 @@ from ...bridge.blender.versions import image_format_properties
 from ...bridge.scene.read_visibility import rendered_objects
 from ...shading.settings.frame_settings import Border
 from ..rig_data import CYCLES, rigs
+from .switched_passes import SwitchedPasses
 
 # The name of the copy's only view layer, by which its passes are found.
 LAYER = "Layers"
@@ -44,14 +45,12 @@ QUICK = {
     "time_limit": 0.0,
     "sample_offset": 0,
 }
-# Passes that Cycles adds to a view layer, among its own settings.
-_CYCLES_PASSES = ("use_pass_", "pass_", "denoising_store_passes")
 
 
 class PassingScene:
     """The copy of a scene, with one view layer. Call ``remove`` in any case.
 
-    It keeps names only, because Blender may free data between two calls.
+    It keeps names only, because Blender may free data between two calls. passes: of the artist's view layer.
     """
 
     def __init__(self, scene, view_layer) -> None:
@@ -70,7 +69,11 @@ class PassingScene:
             if collection in rigs():
                 # Rays of a rig that two scenes have skip no chords.
                 copy.collection.children.unlink(collection)
+        self.passes = SwitchedPasses(layer)
         _settle(copy, layer)
+        # One picture takes several renders, of which only the first need send the scene to Cycles. Passes are
+        # switched between them, which Blender 4.5 does not survive then.
+        copy.render.use_persistent_data = not self.passes.is_any
 
     @property
     def scene(self):
@@ -132,14 +135,22 @@ class PassingScene:
                 render.pixel_aspect_x, render.pixel_aspect_y = before
 
     @contextmanager
-    def colored(self, window: Border, size: tuple[int, int], is_layer: bool):
-        """Render the colours of some pixels of an image of a size, those of a layer without the world."""
+    def colored(self, window: Border, size: tuple[int, int], is_layer: bool, is_rigged: bool):
+        """Render colours and passes of some pixels of an image of a size, those of a layer without the world.
+
+        is_rigged: whether a rig sees them.
+        """
         scene = self.scene
         with self._kept((scene.render, "film_transparent")):
             if is_layer:
                 scene.render.film_transparent = True
             self._frame(window, size)
-            yield
+            self.passes.switch_on(scene.view_layers[0], is_rigged)
+            try:
+                yield
+            finally:
+                if self.scene is not None:
+                    self.passes.switch_off(self.scene.view_layers[0])
 
     @contextmanager
     def located(self, window: Border, size: tuple[int, int]):
@@ -196,8 +207,6 @@ def _settle(scene, layer) -> None:
     render.engine = CYCLES
     render.use_multiview = render.use_sequencer = render.use_compositing = False
     render.use_freestyle = render.use_file_extension = False
-    # One picture takes several renders, of which only the first need send the scene to Cycles.
-    render.use_persistent_data = True
     # In a window: edits between two renders would be seen in one of them only.
     render.use_lock_interface = True
     scene.timeline_markers.clear()
@@ -205,11 +214,4 @@ def _settle(scene, layer) -> None:
     for name in image_format_properties():
         setattr(settings, name, FORMAT[name])
     settings.exr_codec, settings.color_management = "NONE", "FOLLOW_SCENE"
-    for owner in (layer, getattr(layer, "cycles", None)):
-        for prop in owner.bl_rna.properties if owner is not None else ():
-            is_pass = prop.identifier.startswith(_CYCLES_PASSES) and prop.type == "BOOLEAN"
-            if is_pass and not prop.is_readonly and not prop.is_array:
-                setattr(owner, prop.identifier, False)
-    for aov in layer.aovs[:]:
-        layer.aovs.remove(aov)
-    layer.use_pass_combined = layer.use_pass_position = layer.use = True
+    layer.use = True

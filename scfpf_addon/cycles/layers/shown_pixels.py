@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...casting.layers.join_images import joined
+from ...casting.layers.join_images import joined, shares
 from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
+from .exr_passes import Pass
+from .joined_passes import OF_ONE_SAMPLE
 
 # Rows that are joined at once.
 ROWS = 64
@@ -21,21 +24,35 @@ class ShownPixels(NamedTuple):
     """Colours (H, W, 4), premultiplied, of the pixels of a window, and keys (S, h, w) of those of another.
 
     The keys are those at S places of each pixel. Outside of the windows nothing is shown, or nothing is known
-    to be near: the key is infinite.
+    to be near: the key is infinite. passes: as of ``summed``. first: (H, W), keys of what those of one
+    sample of each pixel show, empty without passes.
     """
 
     window: Border
     color: Single
     compared: Border
     keys: Array
+    passes: dict[str, Pass]
+    first: Array
 
     def part(self, window: Border, places: int) -> tuple[Single, Array]:
         """Colours (N, 4) and keys (places, N) of a window's pixels. places: S, or any number if S is 1."""
-        height, width = window.top - window.bottom, window.right - window.left
-        color = np.zeros((height, width, 4), np.float32)
-        if (shared := _shared(self.window, window)) is not None:
-            color[slices(shared, window)] = self.color[slices(shared, self.window)]
-        return color.reshape(-1, 4), padded(self.keys, self.compared, window, places).reshape(places, -1)
+        color = widened(self.color, self.window, window, 0.0).reshape(-1, 4)
+        return color, padded(self.keys, self.compared, window, places).reshape(places, -1)
+
+    def pass_part(self, name: str, window: Border) -> Single:
+        """The values (N, C) of a pass in a window's pixels."""
+        values = self.passes[name].values
+        return widened(values, self.window, window, 0.0).reshape(-1, values.shape[2])
+
+
+def widened(values: NDArray, own: Border, window: Border, empty: float) -> NDArray:
+    """The values (H, W, ...) of a window's pixels: those of the window ``own``, elsewhere ``empty``."""
+    shape = (window.top - window.bottom, window.right - window.left, *values.shape[2:])
+    every = np.full(shape, empty, values.dtype)
+    if (shared := _shared(own, window)) is not None:
+        every[slices(shared, window)] = values[slices(shared, own)]
+    return every
 
 
 def padded(keys: Array, own: Border, window: Border, places: int) -> Array:
@@ -50,14 +67,28 @@ def padded(keys: Array, own: Border, window: Border, places: int) -> Array:
 
 
 def join_into(rest: ShownPixels, layers: Sequence[ShownPixels]) -> None:
-    """Write the image of all layers into the colours of the rest, which are those of the whole image."""
+    """Write the image of all layers into the colours and passes of the rest, those of the whole image."""
     whole = around([layer.window for layer in layers])
-    places = max(len(each.keys) for each in (rest, *layers))
+    sources = (rest, *layers)
+    places = max(len(each.keys) for each in sources)
     for first in range(whole.bottom, whole.top, ROWS):
         window = whole._replace(bottom=first, top=min(first + ROWS, whole.top))
-        parts = [each.part(window, places) for each in (rest, *layers)]
-        pixels = joined([color for color, _ in parts], [keys for _, keys in parts])
-        rest.color[slices(window, rest.window)] = pixels.reshape(window.top - first, -1, 4)
+        own, (height, width) = slices(window, rest.window), (window.top - first, window.right - window.left)
+        parts = [each.part(window, places) for each in sources]
+        alphas = [color[:, 3] for color, _ in parts]
+        share = shares(alphas, [keys for _, keys in parts])
+        is_seen = (np.stack(alphas[1:]) > 0.0).any(axis=0)
+        rest.color[own] = joined([color for color, _ in parts], share, is_seen).reshape(height, width, 4)
+        if not rest.passes:
+            continue
+        nearest = np.argmin([widened(each.first, each.window, window, np.inf).ravel() for each in sources], 0)
+        for name, (_letters, values) in rest.passes.items():
+            found = [each.pass_part(name, window) for each in sources]
+            if name in OF_ONE_SAMPLE:
+                pixels = np.stack(found)[nearest, np.arange(len(nearest))]
+            else:
+                pixels = joined(found, share, is_seen)
+            values[own] = pixels.reshape(height, width, -1)
 
 
 def around(windows: Sequence[Border]) -> Border:

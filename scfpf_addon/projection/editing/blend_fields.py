@@ -25,8 +25,9 @@ class BlendField:
     image's width and height, from its lower left. size: (2,) shares of the image's width and height, of the
     rectangle; the first is the circle's diameter. angle: radians counterclockwise; that of the direction in
     which a linear field grows, or of the rectangle. border: width of the transition, half of it inside; with
-    VIEWS all of it is outside. pixels: (H, W) in [0, 1], row 0 at the bottom. is_inverted: whether 0 and 1
-    change places. circles: at least one for VIEWS: the centre, as ``centre``, and the diameter.
+    VIEWS all of it is outside. pixels: (H, W) in [0, 1], row 0 at the bottom. is_sharp: whether pixels count
+    as 1 from a half on, and as 0 below. is_inverted: whether 0 and 1 change places. circles: at least one for
+    VIEWS: the centre, as ``centre``, and the diameter.
     """
 
     kind: FieldKind
@@ -35,16 +36,21 @@ class BlendField:
     angle: float = 0.0
     border: float = 0.2
     pixels: Array | None = None
+    is_sharp: bool = False
     is_inverted: bool = False
     circles: tuple[tuple[float, float, float], ...] = ()
 
     def factors(self, x: Array, y: Array, aspect: float) -> Array:
         """The factors at image positions x, y in [0, 1], (N,). aspect: width over height of the image."""
         if self.kind == "IMAGE":
-            found = np.zeros(np.shape(x)) if self.pixels is None else bilinear(self.pixels, x, y)
+            found = self._painted(x, y)
+            found = np.heaviside(found - 0.5, 0.5) if self.is_sharp else found
         else:
             found = self._smooth(self._inside(x, y, aspect))
         return 1.0 - found if self.is_inverted else found
+
+    def _painted(self, x: Array, y: Array) -> Array:
+        return np.zeros(np.shape(x)) if self.pixels is None else bilinear(self.pixels, x, y)
 
     def _smooth(self, inside: Array) -> Array:
         if self.border <= 0.0:
@@ -56,13 +62,16 @@ class BlendField:
     @property
     def has_seam(self) -> bool:
         """Whether the field goes from 0 to 1 along a curve, without a border."""
-        return self.kind != "IMAGE" and self.border <= 0.0
+        return self.is_sharp if self.kind == "IMAGE" else self.border <= 0.0
 
     def levels(self, x: Array, y: Array, aspect: float) -> Array:
         """Signed distances (K, N) of positions from the field's lines: all are positive where it is 1.
 
-        x, y: (N,) image positions. aspect: width over height of the image.
+        x, y: (N,) image positions. aspect: width over height of the image. Of pixels the level is no
+        distance, but their value less a half.
         """
+        if self.kind == "IMAGE":
+            return self._painted(x, y)[None] - 0.5
         if self.kind == "VIEWS":
             within = [
                 0.5 * (wide + max(self.border, 0.0)) - np.hypot(x - left, (y - low) / aspect)

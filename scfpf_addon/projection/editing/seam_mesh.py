@@ -45,8 +45,8 @@ class SeamMesh:
 def seam_mesh(fields: Sequence[BlendField], aspect: float, faces: int) -> SeamMesh:
     """Cut a lattice of ``faces`` squares along each axis at the borders of fields.
 
-    aspect: width over height of the image. Straight borders are exact, a circle is a polygon that has a
-    corner on each line of the lattice.
+    aspect: width over height of the image. Straight borders are exact, others are polygons that have a
+    corner on each line of the lattice: what is finer than it may be lost.
     """
     places = np.stack(lattice(faces + 1, faces + 1), axis=1)
     number = np.arange(len(places)).reshape(faces + 1, faces + 1)
@@ -54,16 +54,24 @@ def seam_mesh(fields: Sequence[BlendField], aspect: float, faces: int) -> SeamMe
         part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
     )
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    within: list[BoolArray] = []
     for field in fields:
+        inside = np.ones(len(triangles), bool)
         for k in range(len(field.levels(places[:1, 0], places[:1, 1], aspect))):
-            places, triangles = _cut(places, triangles, field, k, aspect)
-    return _parted(places, triangles, fields, aspect)
+            places, triangles, parent, is_above = _cut(places, triangles, field, k, aspect)
+            within, inside = [each[parent] for each in within], inside[parent] & is_above
+        within.append(inside)
+    return _parted(places, triangles, np.reshape(within, (len(fields), len(triangles))))
 
 
 def _cut(
     places: Array, triangles: IndexArray, field: BlendField, k: int, aspect: float
-) -> tuple[Array, IndexArray]:
-    """Cut triangles where level ``k`` of a field is 0."""
+) -> tuple[Array, IndexArray, IndexArray, BoolArray]:
+    """Cut triangles where level ``k`` of a field is 0.
+
+    Returns places and triangles, and of each triangle which one it is a part of, and whether the level is
+    positive in it.
+    """
 
     def level(at: Array) -> Array:
         value: Array = field.levels(at[:, 0], at[:, 1], aspect)[k]
@@ -92,14 +100,22 @@ def _cut(
     m, p, q = np.split(made, [len(a), len(a) + len(d)])
     pieces = ((a, b, m), (a, m, c), (d, p, q), (p, e, f), (p, f, q))
     cut = [np.stack(piece, axis=1) for piece in pieces]
-    return np.concatenate([places, 0.5 * (low + high)]), np.concatenate([kept, *cut])
+    # A corner that was there before tells the side of a piece; a triangle on the border its middle.
+    kept_side = side[kept].sum(axis=1)
+    flat = kept_side == 0
+    kept_side[flat] = np.sign(level(places[kept[flat]].mean(axis=1)))
+    is_above = np.concatenate([kept_side, *(side[corner] for corner in (b, c, d, e, f))]) > 0
+    one, other = (np.flatnonzero(crossed)[which] for which in (touches, ~touches))
+    parent = np.concatenate([np.flatnonzero(~crossed), one, one, other, other, other])
+    return np.concatenate([places, 0.5 * (low + high)]), np.concatenate([kept, *cut]), parent, is_above
 
 
-def _parted(places: Array, triangles: IndexArray, fields: Sequence[BlendField], aspect: float) -> SeamMesh:
-    """Give each part of the image, the triangles within the same fields, vertices of its own."""
+def _parted(places: Array, triangles: IndexArray, sides: BoolArray) -> SeamMesh:
+    """Give each part of the image, the triangles within the same fields, vertices of its own.
+
+    sides: (F, T), whether each triangle is within each field.
+    """
     centres = places[triangles].mean(axis=1)
-    within = [field.levels(centres[:, 0], centres[:, 1], aspect).min(axis=0) > 0 for field in fields]
-    sides = np.reshape(within, (len(fields), len(triangles)))
     _, part = np.unique(sides, axis=1, return_inverse=True)
     pairs = np.stack([triangles.ravel(), np.repeat(part.reshape(-1), 3)], axis=1)
     # Each vertex looks towards the middle of the largest triangle about it.

@@ -354,7 +354,7 @@ def test_a_blend_shows_the_settings_of_its_map(camera):
         "LINEAR": {"center", "angle", "border", "is_inverted"},
         "RADIAL": {"center", "size", "border", "is_inverted"},
         "RECTANGLE": {"center", "size", "angle", "border", "is_inverted"},
-        "IMAGE": {"is_inverted"},
+        "IMAGE": {"is_sharp", "is_inverted"},
         "VIEWS": {"border", "is_inverted"},
     }
     view = bpy.data.objects["Flexible Camera"]

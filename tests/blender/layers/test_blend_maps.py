@@ -72,6 +72,36 @@ def test_a_painted_map_with_a_seam_shows_one_camera_on_either_side(camera, seen)
     assert is_near(found, second, left, 1e-6) and is_near(found, first, right, 1e-6)
 
 
+def test_a_painted_edge_cuts_the_surfaces(camera, seen, addon):
+    """A disc by the formula: each place is one camera's, but for the polygon and the pixels at its rim."""
+    assert bpy.ops.scfpf.preset_apply(preset="orthographic", fit=False) == {"FINISHED"}
+    second, _ = seen(camera)
+    assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
+    first, mask = seen(camera)
+    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
+    blend = bpy.context.object
+    image = bpy.data.images.new("Painted", 512, 512)
+    column, row = np.meshgrid(*2 * [(np.arange(512) + 0.5) / 512])
+    painted = np.hypot(column - 0.55, row - 0.45) < 0.3
+    image.pixels.foreach_set(np.repeat(painted.ravel(), 4).astype(np.float32))
+    blend.scfpf.blend_field.image = image
+    assert bpy.ops.scfpf.blend_map(kind="IMAGE") == {"FINISHED"}
+    is_too_coarse = addon("bridge.blends.camera_blend").is_too_coarse
+    assert not is_too_coarse(blend)
+    blend.scfpf.blend_field.is_sharp = True
+    assert is_too_coarse(blend)
+    assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
+    assert not is_too_coarse(blend)
+    x, y, _ = places()
+    off = 0.3 - np.hypot(x - 0.55, y - 0.45)
+    away = mask & (np.abs(off) > 1 / 512)
+    assert away.sum() > 350 and (off > 0).sum() > 80
+    found, _ = seen(blend)
+    assert is_near(found, np.where(off > 0, second, first), away, 1e-4)
+    apart = np.minimum(*(np.abs(found - end).max(axis=0) for end in (first, second)))
+    assert apart[mask].max() < 1e-4
+
+
 def test_a_blend_of_a_blend_has_weights_that_add_up_to_one(camera, seen):
     """Three cameras: the third one in a circle, the other two beside a line."""
     ends = []

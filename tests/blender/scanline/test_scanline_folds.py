@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from chosen_presets import FOLDER
+from made_cameras import FOLDER
 from mathutils import Matrix
 from recorded_layout import RecordingLayout
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from chosen_presets import FOLDER, PRESETS
+from made_cameras import FOLDER, PRESETS
 from mathutils import Euler, Matrix
 
 pytestmark = pytest.mark.usefixtures("built_groups")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from chosen_presets import PRESETS
+from made_cameras import PRESETS
 from mathutils import Euler
 
 pytestmark = pytest.mark.usefixtures("built_groups")

@@ -1,10 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras and volumes of a few surfaces, what the volume object takes, and samples of projectors."""
+"""Cameras and volumes of a few surfaces, what the volume object takes, samples of projectors, and presets."""
+
+import pathlib
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
+FOLDER = pathlib.Path(__file__).resolve().parents[3] / "presets"
+# For tests of which each costs seconds: those that the demo shows.
+PRESETS = [
+    FOLDER / f"{stem}.json"
+    for stem in (
+        "angular_fisheye",
+        "around_the_car",
+        "cylindrical_panorama",
+        "inverted_perspective",
+        "nonlinear_twist",
+        "orthographic",
+        "perspective",
+    )
+]
 # Of the image of ``small_camera``.
 ASPECT = 16 / 9
 

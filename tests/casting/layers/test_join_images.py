@@ -3,11 +3,16 @@
 
 import numpy as np
 
-from scfpf_addon.casting.layers.join_images import cover, halo_share, joined
+from scfpf_addon.casting.layers.join_images import cover, halo_share, joined, shares
 from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.reparameterisation import Framed, Rectangle
 from scfpf_addon.projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
+
+
+def laid_over(colors, keys):
+    seen = np.any([color[:, 3] > 0 for color in colors[1:]], axis=0)
+    return joined(colors, shares([color[:, 3] for color in colors], keys), seen)
 
 
 def test_pixels_are_laid_over_one_another_by_their_keys():
@@ -16,7 +21,7 @@ def test_pixels_are_laid_over_one_another_by_their_keys():
     alpha = generator.choice([0.0, 0.3, 1.0], (sources, count, 1))
     colors = np.concatenate([generator.random((sources, count, 3)) * alpha, alpha], axis=2)
     keys = generator.choice([-1.0, 2.0, 2.5, 7.0], (sources, places, count))
-    image = joined(colors.astype(np.float32), keys)
+    image = laid_over(colors.astype(np.float32), keys)
     for pixel in range(count):
         total = np.zeros(4)
         for place in range(places):
@@ -33,7 +38,7 @@ def test_a_pixel_without_layers_keeps_its_bits():
     layer[:10, 3] = 1.0
     keys = [np.full((3, 50), 5.0), np.full((3, 50), 1.0)]
     keys[1][1:, :5] = np.inf
-    image = joined([rest, layer], keys)
+    image = laid_over([rest, layer], keys)
     np.testing.assert_array_equal(image[10:], rest[10:])
     # A place that meets nothing opaque counts as the nearest one of its pixel.
     np.testing.assert_array_equal(image[:10], layer[:10])

@@ -47,6 +47,25 @@ def test_a_circle_is_a_polygon_of_many_corners():
     assert (np.abs(rim - 0.25) < 1e-9).sum() > 200
 
 
+def test_painted_edges_are_polygons_of_many_corners():
+    """A square and stripes as thin as the lattice: no triangle is on the wrong side by more than a pixel."""
+    row, column = np.mgrid[:256, :256]
+    painted = (np.maximum(abs(column - 90), abs(row - 140)) < 61) | (column > 190) & (row % 16 < 7)
+    field = BlendField("IMAGE", pixels=painted.astype(float), is_sharp=True)
+    mesh = seam_mesh((field, LINE), ASPECT, 128)
+    assert areas(mesh).min() > -1e-15 and areas(mesh).sum() == pytest.approx(1.0, abs=1e-12)
+    within = mesh.sides[0][mesh.triangles]
+    assert (within.all(axis=1) | ~within.any(axis=1)).all()
+    assert areas(mesh)[within.all(axis=1)].sum() == pytest.approx(painted.mean(), rel=5e-3)
+    x, y = np.random.default_rng(3).uniform(size=(2, 4000))
+    found = UVChart(mesh.places[mesh.triangles], mesh.triangles).find(x, y)
+    near = [np.roll(painted, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    is_plain = (np.all(near, axis=0) | ~np.any(near, axis=0))[(y * 256).astype(int), (x * 256).astype(int)]
+    wanted = painted[(y * 256).astype(int), (x * 256).astype(int)]
+    assert is_plain.mean() > 0.6
+    assert (mesh.sides[0][mesh.triangles[found.triangle, 0]] == wanted)[is_plain].all()
+
+
 def test_vertices_are_looked_up_inside_of_their_parts():
     mesh = seam_mesh((BOX, CIRCLE), ASPECT, 16)
     found = UVChart(mesh.places[mesh.triangles], mesh.triangles).find(*mesh.inner.T)
