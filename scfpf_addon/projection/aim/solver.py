@@ -31,7 +31,7 @@ from .vectors import cross, dot
 # when so many steps in turn have each lowered the energy by less than this share, once folds were looked for.
 # Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
-LEAST_GAIN, SMALL_GAINS = 2e-2, 3
+LEAST_GAIN, SMALL_GAINS = 5e-3, 3
 # The last steps are proximal (Rockafellar 1976): a move of a pixel costs the square of this. It moves nothing
 # from where the energy is least, but what is weakly held cannot swing into folds.
 PROXIMAL = 0.03
