@@ -78,7 +78,7 @@ EDITS = {
 
 
 def _few_nodes():
-    """The preview's two largest groups pass the mesh on: Blender reads and relinks every node at each undo."""
+    """The preview's two largest groups pass the mesh on: Blender relinks every node at each undo."""
     package = "bl_ext.checkout.scfpf.scfpf_addon.scanline"
     nodes = importlib.import_module(f"{package}.nodes.geometry_nodes")
     remap = importlib.import_module(f"{package}.remap.remap_nodes")
