@@ -125,9 +125,7 @@ def test_page_of_presets_is_that_of_the_files():
 def texts(path):
     """The syntax tree's nodes with texts of a file: strings, f-strings, and expressions that stand alone."""
     kinds = ast.Constant, ast.JoinedStr, ast.Expr
-    return [
-        node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)
-    ]
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)]
 
 
 def strings():
