@@ -13,12 +13,17 @@ if sys.version_info < (3, 9):
 import argparse
 import functools
 import os
+import shutil
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 from devtools import coverage, environments, own_blender, package, pictures, testing, window
 
 # Parts of the suite without a window, the longest first: they run two at a time.
 PARTS = ("blender", "pure", "installed")
+
+# What lint runs.
+CHECKS = (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))
 
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
@@ -103,8 +108,20 @@ def command_test(options, rest):
     present = [made for made in found if made is not None]
     if not present or (missing and options.python):
         raise environments.Failure(environments.needed_help(missing))
-    plan = testing.plan(rest)
-    results, warnings, zipped = [], [], None
+    with ThreadPoolExecutor(1) as beside:
+        # From the first on: building the zips keeps one core busy.
+        linted = beside.submit(lint_result, present[0].python) if options.lint else None
+        results, warnings = test_in(present, testing.plan(rest), options.blender_window)
+        if linted is not None:
+            results.append(linted.result())
+    for blender in missing:
+        warnings.append(f"NOT tested on Blender {blender.name}: no Python {blender.python} here")
+    return testing.close(results, warnings)
+
+
+def test_in(present, plan, blender_window):
+    """Build the zips if they are needed and run the planned parts; returns the results and the warnings."""
+    results, zipped = [], None
     if plan.keys() & {"installed", "window"}:
         try:
             zipped = package.build(present[0])
@@ -115,13 +132,10 @@ def command_test(options, rest):
     if not zipped:
         runs = [(environment, part) for environment, part in runs if part != "installed"]
     scenarios = plan["window"] if "window" in plan and zipped else None
-    made, skipped = run_parts(runs, plan, bool(zipped), scenarios, options.blender_window)
-    results, warnings = results + made, warnings + skipped
-    for blender in missing:
-        warnings.append(f"NOT tested on Blender {blender.name}: no Python {blender.python} here")
+    made, warnings = run_parts(runs, plan, bool(zipped), scenarios, blender_window)
     if "window" not in plan and "installed" in plan:
         warnings.append("NOT tested in a window: with options that part runs only if tests/window is named")
-    return testing.close(results, warnings)
+    return results + made, warnings
 
 
 def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
@@ -147,6 +161,9 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
             title += " but those that one Blender is enough for"
         if jobs == 1:
             return [testing.run_pytest(title, report, command, environ)], []
+        if (environment, part) != runs[0] and shutil.which("nice"):
+            # The longest one gets ahead, or a core would be idle while it ends.
+            command = ["nice", "-n", "4", *command]
         label = f"[{environment.folder.name} {part}]"
         return [testing.run_beside(label, title, report, command, environ)], []
 
@@ -176,9 +193,19 @@ def command_lint(options, rest):
     if options.fix:
         environments.run_through([python, "-m", "ruff", "check", "--fix", "--quiet", "."])
         environments.run([python, "-m", "ruff", "format", "."])
-    checks = (["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"])
-    failed = [check for check in checks if environments.run_through([python, "-m", *check]) != 0]
-    return f"-- lint: {len(failed)} of {len(checks)} checks failed" if failed else 0
+    failed = failed_checks(python)
+    return f"-- lint: {failed} of {len(CHECKS)} checks failed" if failed else 0
+
+
+def failed_checks(python):
+    """The number of checks of style, layout and types that fail."""
+    return sum(environments.run_through([python, "-m", *check]) != 0 for check in CHECKS)
+
+
+def lint_result(python):
+    """The checks as a row of the table of tests, among which they do not count."""
+    started, failed = time.monotonic(), failed_checks(python)
+    return testing.Result(f"lint ({time.monotonic() - started:.0f} s)", 0, failed, 0, not failed)
 
 
 def command_bench(options, rest):
@@ -209,6 +236,7 @@ def parser():
     test.add_argument("--blender", metavar="PATH", help="only inside this Blender of your own")
     what = "only the pure tests, and which lines of the pure packages they run"
     test.add_argument("--coverage", action="store_true", help=what)
+    test.add_argument("--lint", action="store_true", help="lint too, beside the tests")
     for name, what in (("test", "the tests in a window use"), ("pictures", "use")):
         commands.choices[name].add_argument("--blender-window", metavar="PATH", help=f"{what} this Blender")
     commands.choices["lint"].add_argument("--fix", action="store_true", help="mend what can be mended")

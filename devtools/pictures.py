@@ -37,7 +37,8 @@ def take(environment: Environment, blender: str | None, names: list[str]) -> Non
     deadline = time.monotonic() + LIMIT
     try:
         with window.place(blender, deadline) as found:
-            results, warnings = window.run(found, names or ["scenarios_guide"], deadline, SCENARIOS)
+            beside = {**window.BESIDE, **SCENARIOS}
+            results, warnings = window.run(found, names or ["scenarios_guide"], deadline, beside)
     except window.Unavailable as reason:
         raise Failure(f"the pictures need a Blender with a window: {reason}") from None
     if warnings or not all(result.ended_well for result in results):

@@ -45,7 +45,9 @@ NEEDED_BYTES = 4e9
 BESIDE = MappingProxyType({name: ROOT / name for name in ("demo", "presets")})
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
 # The sizes of screens for tests, which is mostly what their time depends on, and for pictures of pages.
-SMALL_SCREEN, SCREEN = (1280, 800), (1600, 1000)
+SMALL_SCREEN, SCREEN = (1024, 640), (1600, 1000)
+# Where a Debian keeps the shaders that its software renderer has compiled: ten seconds of each start.
+SHADERS = "var/cache/scfpf-shaders"
 LEASH = ("timeout", f"{LIMIT:.0f}")  # ends the command even if this process is killed
 
 
@@ -316,10 +318,15 @@ def run(
         environ["LANG"] = "C.UTF-8"
         environ.update({key: found.inside(home) for key in ("HOME", "XDG_RUNTIME_DIR", "TMPDIR")})
         environ["BLENDER_USER_RESOURCES"] = found.inside(home)
+        if kept_in:
+            (found.root / SHADERS).mkdir(parents=True, exist_ok=True)
+            environ["MESA_SHADER_CACHE_DIR"] = f"/{SHADERS}"
         environ = stack.enter_context(screen(found, environ, deadline, size))
         words = [*LEASH, found.blender, "--factory-startup", "--enable-event-simulate", "--window-geometry"]
         words += ["0", "0", *map(str, size), "--python", found.inside(tests / "drive_blender.py"), "--"]
         words += ["--zip", found.inside(folder / zips[0].name), "--folder", found.inside(shots), *scenarios]
+        if size == SMALL_SCREEN:
+            words.append("--plain")
         try:
             process = stack.enter_context(started(found.command(*words), env=environ))
             status = process.wait(max(deadline - time.monotonic(), 0.0))

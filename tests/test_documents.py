@@ -2,6 +2,7 @@
 """The documents show what there is: pictures that exist, every preset, messages in the code's own words."""
 
 import ast
+import functools
 import json
 import pathlib
 import re
@@ -120,11 +121,18 @@ def test_page_of_presets_is_that_of_the_files():
     assert set(re.findall(r"thumbnails/(\w+)\.png", page)) == stems
 
 
+@functools.cache
+def texts(path):
+    """The syntax tree's nodes with texts of a file: strings, f-strings, and expressions that stand alone."""
+    kinds = ast.Constant, ast.JoinedStr, ast.Expr
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)]
+
+
 def strings():
     """Every text in the code; what f-strings put in is an ellipsis."""
     for folder in CODE:
         for path in (ROOT / folder).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for node in texts(path):
                 if isinstance(node, ast.JoinedStr):
                     parts = (part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
                     yield "".join(parts)
@@ -137,9 +145,8 @@ def strings():
 def interface_strings():
     """Texts of the code that may be shown, with their places: neither docstrings nor identifiers and keys."""
     for path in (file for folder in CODE for file in (ROOT / folder).rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
+        alone = {id(node.value) for node in texts(path) if isinstance(node, ast.Expr)}
+        for node in texts(path):
             if not (isinstance(node, ast.Constant) and isinstance(node.value, str)) or id(node) in alone:
                 continue
             if not re.fullmatch(r"[a-z0-9_.]+|[A-Z0-9_]+", node.value) and node.value not in KEYS:

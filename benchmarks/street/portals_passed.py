@@ -156,6 +156,8 @@ def sheet_vertices(stem: str) -> int:
     made = rig.switch_on(bpy.context, camera)
     # As ``price_of_rig``, also if handlers of an add-on that did not make the rig stop its skipping.
     count = len(made.scfpf_rig.portals.data.vertices) - made.scfpf_rig.sheet_vertices
+    for group in bpy.data.node_groups:
+        group.use_fake_user = True  # the next preset's would be built anew, which takes seconds
     rig.switch_off(made)
     bpy.data.objects.remove(camera)
     return count

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run the scenarios of scenarios_*.py in a Blender with a window.
 
-    xvfb-run -s "-screen 0 1280x800x24" blender --factory-startup --enable-event-simulate \\
-        --window-geometry 0 0 1280 800 --python tests/window/drive_blender.py -- [OPTION ...] [SCENARIO ...]
+    xvfb-run -s "-screen 0 1024x640x24" blender --factory-startup --enable-event-simulate \\
+        --window-geometry 0 0 1024 640 --python tests/window/drive_blender.py -- [OPTION ...] [SCENARIO ...]
 
 A scenario is a generator that starts in a fresh file and yields the seconds to leave Blender to itself; the
 tuple SCENARIOS at the end of its module lists it. It fails by an exception, by a traceback that Blender
@@ -93,7 +93,7 @@ def title(scenario) -> str:
     return f"{scenario.__module__}::{scenario.__name__}"
 
 
-def run(driver, scenarios, output):
+def run(driver, scenarios, output, plain):
     """Generator: run all scenarios, report each, and quit Blender."""
     results = (driver.folder / "results.txt").open("w", buffering=1)
     print("scenarios:", *map(title, scenarios), file=results)
@@ -109,6 +109,9 @@ def run(driver, scenarios, output):
         for area in driver.window.screen.areas:
             if area.type == "VIEW_3D":
                 area.spaces.active.show_region_hud = False
+                if plain:
+                    overlay = area.spaces.active.overlay
+                    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
         yield DRAW
         try:
             yield from scenario(driver)
@@ -155,6 +158,7 @@ def main() -> None:
     parser.add_argument("--zip", help="install this zip; without it the checkout is enabled")
     parser.add_argument("--folder", default=str(FOLDER / "shots"), help="where the pictures go")
     parser.add_argument("scenarios", nargs="*", help="scenarios, or modules such as scenarios_panels")
+    parser.add_argument("--plain", action="store_true", help="without floors and smooth lines: half the time")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
     folder = pathlib.Path(options.folder).absolute()
     folder.mkdir(parents=True, exist_ok=True)
@@ -172,10 +176,13 @@ def main() -> None:
     bpy.context.preferences.view.show_tooltips = False
     # A software renderer would draw each view eight times.
     bpy.context.preferences.system.viewport_aa = "OFF"
+    if options.plain:
+        bpy.context.preferences.system.use_overlay_smooth_wire = False
+        bpy.context.preferences.system.use_edit_mode_smooth_wire = False
     bpy.context.preferences.edit.undo_steps = 128
     driver = Driver(folder)
     bpy.app.timers.register(functools.partial(rest, driver), persistent=True)
-    steps = run(driver, scenarios, output)
+    steps = run(driver, scenarios, output, options.plain)
     bpy.app.timers.register(lambda: next(steps, None), first_interval=DRAW, persistent=True)
 
 

@@ -41,7 +41,7 @@ def prepare(driver):
     driver.add_camera("around_the_car")
     space = driver.area("VIEW_3D").spaces.active
     space.region_3d.view_perspective = "CAMERA"
-    space.region_3d.view_camera_zoom = 20
+    space.region_3d.view_camera_zoom = 12
     yield from settled()
     select_only()
 

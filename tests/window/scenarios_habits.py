@@ -107,7 +107,10 @@ def outliner_duplicate(driver):
     assert camera.name in rig.objects
     _hide(camera)
     yield DRAW
-    area = driver.area("OUTLINER")
+    # The Outliner's own area has four lines.
+    area = driver.area("PROPERTIES")
+    area.ui_type = "OUTLINER"
+    yield DRAW
     region = next(region for region in area.regions if region.type == "WINDOW")
     # The collection's row is selected with a click: its place is that of the third line.
     for line in range(2, 14):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The nodes preview's viewport: its look, what it follows, its end, undo, save and reload."""
 
+import pathlib
+import sys
 import tempfile
 import time
 from math import radians
@@ -16,6 +18,8 @@ VIEW = "VIEW_3D"
 SETTLE = 2 * DRAW
 # Mean difference of equal views, of 1: smoothed edges are not always smoothed alike.
 SAME = 2e-3
+# The node group that previews share.
+GROUP = "SCFPF Preview"
 
 
 def source_of(camera):
@@ -42,11 +46,20 @@ def artist_area(driver):
 
 
 def toggle(driver, area=None):
-    """Press the toggle, with the mouse over the artist's viewport, as one step of undo."""
+    """Press the toggle, with the mouse over the artist's viewport, as one step of undo.
+
+    The first one builds the node group, which takes seconds; later scenarios append it.
+    """
     area = area or artist_area(driver)
     region = next(region for region in area.regions if region.type == "WINDOW")
+    groups, kept = bpy.data.node_groups, pathlib.Path(bpy.app.tempdir, "preview.blend")
+    if GROUP not in groups and kept.exists():
+        with bpy.data.libraries.load(str(kept)) as (_, here):
+            here.node_groups = [GROUP]
     with bpy.context.temp_override(window=driver.window, area=area, region=region):
         assert bpy.ops.scfpf.preview_toggle("EXEC_DEFAULT", True) == {"FINISHED"}
+    if GROUP in groups and not kept.exists():
+        bpy.data.libraries.write(str(kept), {groups[GROUP]})
 
 
 def look(driver, area, name):
@@ -90,6 +103,9 @@ def prepare(driver, preset="VIEW"):
 def preview_look(driver):
     """The preview stands beside the artist's viewport, which keeps its look; off gives the room back."""
     build_scene()
+    # EEVEE compiles a shader for materials, which takes long.
+    for mesh in bpy.data.meshes:
+        mesh.materials.clear()
     driver.add_camera()
     yield from driver.show_sidebar()
     (area,) = viewports(driver)
@@ -298,6 +314,17 @@ def preview_reload(driver):
 
 def preview_windows(driver):
     """Two cameras have a preview each; where there is no room, in a window of its own."""
+    name = next(name for name in sys.modules if name.endswith("scanline.preview.preview_viewports"))
+    # So that two find room on a small screen, and a third does not.
+    kept, sys.modules[name].NARROWEST = sys.modules[name].NARROWEST, 200
+    try:
+        yield from two_and_a_window(driver)
+    finally:
+        sys.modules[name].NARROWEST = kept
+
+
+def two_and_a_window(driver):
+    """Generator: a preview is closed and shown again; a second one, and a third one in a window."""
     yield from prepare(driver)
     (shown,) = preview_areas(driver)
     region = next(region for region in shown.regions if region.type == "WINDOW")

@@ -8,7 +8,7 @@ from engine_images import button, load_pixels
 from mathutils import Vector
 
 EYE = (0.4, -3.0, 1.2)
-SIZE = (960, 480)
+SIZE = (480, 240)
 
 
 def glowing(name, image=None):

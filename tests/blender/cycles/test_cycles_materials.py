@@ -123,7 +123,7 @@ def add_world(sideways):
 @pytest.mark.parametrize("metallic, roughness", [(0, 0.3), (0, 0.5), (0, 1.0), (1, 0.5), (1, 0.8), (1, 1.0)])
 def test_the_light_of_a_ball_is_that_of_cycles(addon, tmp_path, metallic, roughness, lit):
     scene = bpy.context.scene
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material(metallic, roughness))
     if lit == "sun":

@@ -9,21 +9,16 @@ from scfpf_addon.cycles.chord_planning import BYTES_PER_VERTEX
 SLACK = 0.01
 # Bytes of the sheets of an image.
 MOST_MEMORY = 100e6
-# The presets whose sheets are made, with the most vertices. Of the others, faces that they need are counted.
-SHEETS = (
-    "equirectangular",
-    "mirror_ball",
-    "orthographic_to_perspective",
-    "sample_rate_lens",
-    "around_the_car",
-)
+# The presets whose sheets are made: one that looks all round, and the two with the most vertices. Of the
+# others, faces that they need are counted.
+SHEETS = ("equirectangular", "orthographic_to_perspective", "around_the_car")
 
 
 def test_portals_on_the_street_are_those_of_the_file():
     """After an intended change run `python3 dev.py bench --counts --write`."""
     counted, kept = portals_passed.counted(SHEETS), counts.kept(street=True)
     title = f"vertices of sheets{counts.STREET}"
-    assert set(portals_passed.LARGE) < set(SHEETS) and set(SHEETS) <= set(kept[title])
+    assert set(sorted(kept[title], key=kept[title].get)[-2:]) < set(SHEETS) <= set(kept[title])
     kept[title] = {stem: kept[title][stem] for stem in SHEETS}
     assert counts.differences(counted, kept, SLACK) == []
     vertices = counted[title]

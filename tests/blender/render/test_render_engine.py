@@ -137,7 +137,7 @@ def test_processes_make_the_parts_of_one_image(engine_scene, tmp_path, extension
     view_layer = engine_scene.view_layers[0]
     view_layer.use_pass_z = view_layer.use_pass_normal = True
     view_layer.scfpf.use_pass_diffuse = view_layer.use_pass_shadow = True
-    engine_scene.render.resolution_x, engine_scene.render.resolution_y = 96, 64
+    engine_scene.render.resolution_x, engine_scene.render.resolution_y = 48, 32
     whole = f12(engine_scene)
     blend = str(tmp_path / "farm.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)

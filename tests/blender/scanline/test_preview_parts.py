@@ -284,7 +284,9 @@ def test_a_saved_file_is_awake(preview, data, tmp_path):
     assert not data.is_asleep(data.previews()[0])
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_weights_and_lists_reach_the_table(preview, camera, addon, data):
+    bpy.data.batch_remove([g for g in bpy.data.node_groups if g.name.startswith("SCFPF Table")])
     addon("bridge.camera.flexible_camera").add_surface(camera, "PLANE", index=1)
     camera.scfpf.surfaces[1].object.location.z = -3
     camera.scfpf.basis = "NURBS"

@@ -5,6 +5,7 @@ They follow after Blender has stored the step. What two stored steps agree on Bl
 memory when it goes back: what that then pointed to was freed, and Blender crashed.
 """
 
+import importlib
 import os
 import pathlib
 import sys
@@ -76,6 +77,17 @@ EDITS = {
 }
 
 
+def _few_nodes():
+    """The preview's two largest groups pass the mesh on: Blender relinks every node at each undo."""
+    package = "bl_ext.checkout.scfpf.scfpf_addon.scanline"
+    nodes = importlib.import_module(f"{package}.nodes.geometry_nodes")
+    remap = importlib.import_module(f"{package}.remap.remap_nodes")
+    for name in ("whole_group", "draft_group"):
+        title = f"SCFPF {name.partition('_')[0].title()}"
+        define = nodes.defines_group(title, remap.REFINE_INPUTS, {"Mesh": "Geometry"})
+        setattr(remap, name, define(lambda _nodes, given: {"Mesh": given["Mesh"]}))
+
+
 class SCFPF_OT_test_edit(bpy.types.Operator):
     """Does one of EDITS to the camera named."""
 
@@ -127,6 +139,7 @@ def main() -> None:
     )
     assert bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf") == {"FINISHED"}
     bpy.utils.register_class(SCFPF_OT_test_edit)
+    _few_nodes()
     for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
         handlers.insert(0, _look)
     bpy.ops.wm.read_homefile(use_factory_startup=True)

@@ -15,32 +15,45 @@ from benchmarks.real.lock_spans import RECORD, Spans, cores_busy, spans
 
 ROOT = pathlib.Path(__file__).parents[3]
 SCRIPT = ROOT / "benchmarks" / "real" / "beside_cycles.py"
-# Counts what a scene holds, in a Blender of its own, and leaves the file.
+ROOM, MEADOW = "room, 200 materials", "meadow of cards"
+# Counts what each scene holds, in a Blender of its own, and leaves the files.
 COUNTED = """
 import json, sys
 from pathlib import Path
 import bpy, numpy as np
 from benchmarks.real import beside_cycles, real_scenes
 beside_cycles.register()
-real_scenes.write(sys.argv[1], Path(sys.argv[2]))
-used = {slot.material.name for each in bpy.data.objects for slot in each.material_slots}
-print(json.dumps({
-    "used": sorted(used),
-    "lamps": sorted(each.type for each in bpy.data.lights),
-    "cards": sum(len(each.data.polygons) for each in bpy.data.objects if each.name.startswith("Plant")),
-    "sum": sum(float(np.sum(each.matrix_basis)) for each in bpy.data.objects),
-}))
+for name in sys.argv[2:]:
+    real_scenes.write(name, Path(sys.argv[1], f"{name}.blend"))
+    used = {slot.material.name for each in bpy.data.objects for slot in each.material_slots}
+    print(json.dumps({
+        "used": sorted(used),
+        "lamps": sorted(each.type for each in bpy.data.lights),
+        "cards": sum(len(each.data.polygons) for each in bpy.data.objects if each.name.startswith("Plant")),
+        "sum": sum(float(np.sum(each.matrix_basis)) for each in bpy.data.objects),
+    }))
 """
 
 
-def counted(name, path):
-    command = [sys.executable, "-c", COUNTED, name, str(path)]
+def counted(folder, *names):
+    command = [sys.executable, "-c", COUNTED, str(folder), *names]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    return dict(zip(names, map(json.loads, lines), strict=True))
 
 
-def test_the_room_has_all_kinds_of_materials_and_the_same_things_each_time(tmp_path):
-    first, again = (counted("room, 200 materials", tmp_path / "room.blend") for _ in range(2))
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("scenes")
+
+
+@pytest.fixture(scope="module")
+def both(folder):
+    return counted(folder, MEADOW, ROOM)
+
+
+def test_the_room_has_all_kinds_of_materials_and_the_same_things_each_time(both, tmp_path):
+    first, again = both[ROOM], counted(tmp_path, ROOM)[ROOM]
     assert first == again
     kinds = [name.split()[0] for name in first["used"]]
     assert {kind: kinds.count(kind) for kind in set(kinds)} == {
@@ -52,11 +65,11 @@ def test_the_room_has_all_kinds_of_materials_and_the_same_things_each_time(tmp_p
     assert first["lamps"] == ["AREA"] * 4 + ["SUN"]
 
 
-def test_the_meadow_has_thousands_of_cards_and_is_measured(tmp_path):
-    path = tmp_path / "meadow.blend"
-    found = counted("meadow of cards", path)
+def test_the_meadow_has_thousands_of_cards_and_is_measured(both, folder):
+    found = both[MEADOW]
     assert found["cards"] == 7200 and {"Lawn", "Leaf"} <= set(found["used"])
     for subject in (ENGINE, CAMERA, RIG):
+        path = folder / f"{MEADOW}.blend"
         figures = Figures(**run_apart(str(SCRIPT), "--one", str(path), subject, "0", "4"))
         assert min(figures) > 0.0
 
