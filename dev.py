@@ -19,8 +19,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 from devtools import coverage, environments, own_blender, package, pictures, testing, window
 
-# Parts of the suite without a window, the longest first: they run two at a time.
+# Parts of the suite without a window, the longest first, and how many run at a time: more than two cores
+# need, so that none is idle while the last ones end.
 PARTS = ("blender", "pure", "installed")
+AT_A_TIME = 3
 
 # What lint runs.
 CHECKS = (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))
@@ -139,7 +141,7 @@ def test_in(present, plan, blender_window):
 
 
 def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
-    """Run parts of the suite, (environment, part) each: at most two at a time, beside the part in a window.
+    """Run parts of the suite, (environment, part) each: ``AT_A_TIME`` of them, beside the part in a window.
 
     A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. The two
     processes of the part in a window wait half of the time. Tests with the mark "once" run in the
@@ -171,10 +173,9 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     if scenarios is not None:
         # The longest of all.
         works.insert(0, lambda: window.test(blender_window, scenarios))
-    jobs = min(2, os.cpu_count() or 1, len(works))
-    if jobs < 1:
+    if not works:
         return [], []
-    jobs += jobs == 2 and scenarios is not None
+    jobs = min(AT_A_TIME + (scenarios is not None), len(works)) if (os.cpu_count() or 1) > 1 else 1
     with ThreadPoolExecutor(jobs) as pool:
         ended = list(pool.map(lambda work: work(), works))
     return [one for results, _ in ended for one in results], [
