@@ -107,18 +107,17 @@ def _mended(
 
 
 def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
-    """The best of the rounds that free pins from where the best one ended; without a better one that.
+    """The best of the rounds that free pins from where ``best`` ended; ``best`` itself if none is better.
 
-    Their shortfalls are compared, also if the best one meets the bars: no bar counts hidden pins.
+    Their shortfalls are compared, also if ``best`` meets the bars: no bar counts hidden pins. Where the first
+    way frees nothing the others are not tried.
     """
-    better = [best]
-    for way in FREEING:
-        freed = rounds.solve(problem, judged, way)
-        if way == FREEING[0] and (freed is None or freed.judgement.hidden >= best.judgement.hidden):
-            break
-        if freed is not None and rounds.is_freer(best.judgement, freed.judgement):
-            better.append(freed)
-    return min(better, key=lambda found: found.judgement.shortfall)
+    first, *others = FREEING
+    found = [rounds.solve(problem, judged, first)]
+    if found[0] is not None and found[0].judgement.hidden < best.judgement.hidden:
+        found += [rounds.solve(problem, judged, way) for way in others]
+    freer = [one for one in found if one is not None and rounds.is_freer(best.judgement, one.judgement)]
+    return min([best, *freer], key=lambda one: one.judgement.shortfall)
 
 
 def other_ways(first: Judgement) -> list[Schedule]:

@@ -30,7 +30,7 @@ HALF = 0.5
 
 
 class Shot(NamedTuple):
-    """What a render of a view's colours has told of a window's pixels.
+    """The pixels of a window in one render through a view's camera: colours, passes and positions.
 
     color: (H, W, 4), premultiplied. passes: as of ``summed``. position: (3, 1, H, W) float32, of one
     sample of each pixel, and is_hit: (1, H, W), whether it meets anything.

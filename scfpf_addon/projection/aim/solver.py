@@ -28,8 +28,8 @@ from .thin_plate import ThinPlate
 from .vectors import cross, dot
 
 # Steps at the end are enough when no fold is left and the control points move by less than so many pixels, or
-# when so many steps in turn have each lowered the energy by less than this share, once folds were looked for.
-# Detours go on: projectors bend round a thing by many small gains.
+# when, once folds were looked for, so many steps in turn have ended less than this share below the least
+# energy. Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
 LEAST_GAIN, SMALL_GAINS = 5e-3, 3
 # The last steps are proximal (Rockafellar 1976): a move of a pixel costs the square of this. It moves nothing
@@ -72,7 +72,7 @@ class Aim:
         self.damping = max(DAMPING, self.least_damping)
         self.steps, self.fold_grid = 0, self._grid(FOLD_GRID)
         self.orientation = _usual_orientation(self.fold_grid, self.start)
-        # How many of the last steps in turn have each gained little, and the cost of a move.
+        # How many of the last steps in turn have gained little, the cost of a move, and the least energy.
         self.small_gains, self.proximal, self.least = 0, 0.0, np.inf
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
@@ -172,6 +172,7 @@ class Aim:
         self.t, self.pin_energy.home_t = t, home
         self.pin_folds.look(t)
         self.least_damping, self.damping = DRAG_DAMPING, max(self.damping, DRAG_DAMPING)
+        self.proximal = 0.0
         for _ in range(DRAG_STEPS):
             self.step(self.way.targets(1.0))
             found = self.result()
@@ -204,9 +205,8 @@ class Aim:
             step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            gain = before - self._value(points, t, targets)
-            if gain > 0.0:
-                after = before - gain
+            after = self._value(points, t, targets)
+            if after < before:
                 self.small_gains = self.small_gains + 1 if after > (1.0 - LEAST_GAIN) * self.least else 0
                 self.least = min(self.least, after)
                 self.damping = max(self.damping * EASED, self.least_damping)

@@ -74,6 +74,7 @@ def _cut(
     """
 
     def level(at: Array) -> Array:
+        """Level ``k`` of the field at places (N, 2)."""
         value: Array = field.levels(at[:, 0], at[:, 1], aspect)[k]
         return value
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tests of image layers through Cycles share."""
+"""The scene of the tests of image layers through Cycles."""
 
 import pytest
 from layer_scenes import fill

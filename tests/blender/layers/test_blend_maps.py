@@ -18,14 +18,19 @@ def seen(addon):
     return sampler(addon)
 
 
-def test_a_map_mixes_the_cameras_place_by_place(camera, seen, tmp_path):
-    """Q is the mean of both by the map's weight; a file keeps it, and without a map all is as before."""
-    assert bpy.ops.scfpf.preset_apply(preset="curved_convergence", fit=False) == {"FINISHED"}
+def blended(camera, seen, preset):
+    """A blend of the preset perspective with another one, what each shows alone, and a mask of places."""
+    assert bpy.ops.scfpf.preset_apply(preset=preset, fit=False) == {"FINISHED"}
     second, _ = seen(camera)
     assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
     first, mask = seen(camera)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="curved_convergence") == {"FINISHED"}
-    blend = bpy.context.object
+    assert bpy.ops.scfpf.camera_blend_preset(preset=preset) == {"FINISHED"}
+    return bpy.context.object, first, second, mask
+
+
+def test_a_map_mixes_the_cameras_place_by_place(camera, seen, tmp_path):
+    """Q is the mean of both by the map's weight; a file keeps it, and without a map all is as before."""
+    blend, first, second, mask = blended(camera, seen, "curved_convergence")
     x = places()[0]
     assert bpy.ops.scfpf.blend_map(kind="LINEAR") == {"FINISHED"}
     assert blend.scfpf.blend_factor == 1.0
@@ -49,12 +54,7 @@ def test_a_map_mixes_the_cameras_place_by_place(camera, seen, tmp_path):
 
 
 def test_a_painted_map_with_a_seam_shows_one_camera_on_either_side(camera, seen):
-    assert bpy.ops.scfpf.preset_apply(preset="orthographic", fit=False) == {"FINISHED"}
-    second, _ = seen(camera)
-    assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
-    first, mask = seen(camera)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    blend = bpy.context.object
+    blend, first, second, mask = blended(camera, seen, "orthographic")
     image = bpy.data.images.new("Painted", 64, 64)
     pixels = np.zeros((64, 64, 4), np.float32)
     pixels[:, 32:] = 1.0
@@ -74,12 +74,7 @@ def test_a_painted_map_with_a_seam_shows_one_camera_on_either_side(camera, seen)
 
 def test_a_painted_edge_cuts_the_surfaces(camera, seen, addon):
     """A disc by the formula: each place is one camera's, but for the polygon and the pixels at its rim."""
-    assert bpy.ops.scfpf.preset_apply(preset="orthographic", fit=False) == {"FINISHED"}
-    second, _ = seen(camera)
-    assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
-    first, mask = seen(camera)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    blend = bpy.context.object
+    blend, first, second, mask = blended(camera, seen, "orthographic")
     image = bpy.data.images.new("Painted", 512, 512)
     column, row = np.meshgrid(*2 * [(np.arange(512) + 0.5) / 512])
     painted = np.hypot(column - 0.55, row - 0.45) < 0.3

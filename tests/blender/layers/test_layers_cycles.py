@@ -12,12 +12,12 @@ from layer_scenes import (
     alone,
     collected,
     flexible,
-    glowing,
     layered,
     looking,
     new_camera,
     passes_alone,
 )
+from rig_scenes import glowing
 
 pytestmark = pytest.mark.usefixtures("built_groups")
 

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 import pytest
 from engine_images import passes
-from layer_scenes import add, alone, flexible, glowing, layered, looking, new_camera, passes_alone
+from layer_scenes import add, alone, flexible, layered, looking, new_camera, passes_alone
+from rig_scenes import glowing
 
 pytestmark = pytest.mark.usefixtures("built_groups")
 

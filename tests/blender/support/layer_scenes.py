@@ -46,19 +46,6 @@ def collected(name, *objects):
         made.objects.link(bpy.data.objects[each])
 
 
-def glowing(name, color):
-    """An object that shines in one colour, and so has no noise."""
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
-    emission.inputs["Color"].default_value = (*color, 1)
-    tree.links.new(emission.outputs[0], output.inputs[0])
-    bpy.data.objects[name].data.materials.append(material)
-
-
 def add(front="DEPTH", collection="Things", seen_by="Side"):
     bpy.context.view_layer.objects.active = bpy.data.objects["Master"]
     given = {"camera": "Master", "collection": collection, "seen_by": seen_by, "front": front}

@@ -222,11 +222,8 @@ def render_passes(path, samples=1):
     return result | ({"Composite": composite[0]} if composite else {})
 
 
-def add_box(name, location, color):
-    """A cube that shines in one colour."""
-    bpy.ops.mesh.primitive_cube_add(size=1.5, location=location)
-    box = bpy.context.object
-    box.name = name
+def glowing(name, color):
+    """Let an object shine in one colour, without noise."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True
@@ -235,7 +232,15 @@ def add_box(name, location, color):
     emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
     emission.inputs["Color"].default_value = (*color, 1)
     tree.links.new(emission.outputs[0], output.inputs[0])
-    box.data.materials.append(material)
+    bpy.data.objects[name].data.materials.append(material)
+
+
+def add_box(name, location, color):
+    """A cube that shines in one colour."""
+    bpy.ops.mesh.primitive_cube_add(size=1.5, location=location)
+    box = bpy.context.object
+    box.name = name
+    glowing(box.name, color)
     return box
 
 

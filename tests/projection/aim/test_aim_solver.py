@@ -92,23 +92,25 @@ def full(normal):
     return matrix.reshape(columns * block, columns * block)
 
 
-def test_equations_are_solved_as_by_linalg():
-    net = Net(7, 5, 3)
+def of_places(net):
+    """Normal equations of random residuals at 60 places."""
     random = np.random.default_rng(3)
     normal = plain(net)
     places = net.at(random.random(60), random.random(60))
     normal.add(Rows.of(places, random.normal(size=(16 * 6, 2, 60)), random.normal(size=(2, 60))))
+    return normal
+
+
+def test_equations_are_solved_as_by_linalg():
+    normal = of_places(Net(7, 5, 3))
     matrix = full(normal)
     expected = np.linalg.solve(matrix + 0.25 * np.diag(matrix.diagonal()), normal.right.reshape(-1))
     np.testing.assert_allclose(normal.solve(0.25), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_moves_that_cost_are_a_damping_of_their_own():
-    net = Net(5, 4, 3)
-    random = np.random.default_rng(5)
-    normal = plain(net)
-    places = net.at(random.random(20), random.random(20))
-    normal.add(Rows.of(places, random.normal(size=(16 * 6, 1, 20)), random.normal(size=(1, 20))))
+    net = Net(7, 5, 3)
+    normal = of_places(net)
     matrix = full(normal)
     normal.resist(np.array([0.5, 3.0]))
     # Unknowns are ordered by point, surface and component.
