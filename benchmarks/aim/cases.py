@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
-from scfpf_addon.casting.aim.aim_scene import AimScene, hit_finder
+from scfpf_addon.casting.aim.aim_scene import AimScene, HitFinder
 from scfpf_addon.casting.aim.detours import free_pins
 from scfpf_addon.casting.aim.judge import COLUMNS, Judge, Judgement
 from scfpf_addon.casting.aim.released import Released
@@ -167,7 +167,7 @@ def setting(
     is_view = bool((pins.views >= 0).any())
     wanted = place.wanted & is_view
     stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH, grid),)
-    finder = hit_finder(place.scene, wanted)
+    finder = HitFinder(place.scene, wanted)
     problem = AimProblem(start.patches, WIDTH, ASPECT, pins, stays, first_hits=finder)
     return Setting(place, before, problem, halos, columns)
 

@@ -42,9 +42,14 @@ def product(a: Array, b: Array) -> Array:
     the product takes.
     """
     result = np.empty((len(a), b.shape[1]))
-    step = max(1, MOST_MULTIPLICATIONS // max(b.size, 1))
-    for start in range(0, len(a), step):
-        np.matmul(a[start : start + step], b, out=result[start : start + step])
+    step = max(1, MOST_MULTIPLICATIONS // max(min(a.size, b.size), 1))
+    # Pieces of the larger matrix are larger.
+    if a.size < b.size:
+        for start in range(0, b.shape[1], step):
+            np.matmul(a, b[:, start : start + step], out=result[:, start : start + step])
+    else:
+        for start in range(0, len(a), step):
+            np.matmul(a[start : start + step], b, out=result[start : start + step])
     return result
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...casting.aim.aim_scene import AimScene, hit_finder
+from ...casting.aim.aim_scene import AimScene, HitFinder
 from ...casting.aim.stays import find_stays
 from ...casting.aim.views import sample_view
 from ...casting.common.hits import CastError
@@ -110,7 +110,7 @@ class AimInputs:
             pins=targets.pins,
             stays=self.stays,
             lines=targets.lines,
-            first_hits=hit_finder(self.arrays.scene, targets.wanted),
+            first_hits=HitFinder(self.arrays.scene, targets.wanted),
         )
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.aim.problem import FindHits, FirstHits
+from ...projection.aim.problem import FirstHits
+from ...projection.arrays import product
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.bezier import bernstein
 from ...projection.volume.viewing_volume import Projection
@@ -51,32 +52,50 @@ class AimScene:
         )
 
 
-def hit_finder(scene: AimScene, wanted: BoolArray) -> FindHits:
+class HitFinder:
     """First hits for the solver. wanted: (T,), the triangles of the things that pins show."""
-    mesh, planes = scene.cast.mesh, scene.cast.planes
-    shares = np.linspace(0.0, 1.0, CHORDS + 1)
 
-    def find(controls: Array) -> FirstHits:
+    def __init__(self, scene: AimScene, wanted: BoolArray) -> None:
+        self.scene, self.wanted = scene, wanted
+        corners = scene.cast.vertices[:, np.unique(scene.cast.triangles[wanted])]
+        self.low, self.high = (
+            choose(corners, axis=1, initial=start)[:, None]
+            for choose, start in ((np.min, np.inf), (np.max, -np.inf))
+        )
+
+    def _corners(self, controls: Array) -> Array:
+        """The corners of the chords of projectors (K, 3, N) in cast space, (CHORDS + 1, 3, N)."""
+        weights = bernstein(len(controls) - 1, np.linspace(0.0, 1.0, CHORDS + 1))
+        local = (controls - self.scene.cast.centre[:, None]) * self.scene.cast.scale
+        return product(weights.T, local.reshape(len(controls), -1)).reshape(-1, *controls.shape[1:])
+
+    def may_meet_wanted(self, controls: Array) -> BoolArray:
+        """Return which projectors (K, 3, N) have a chord whose box meets that of the pinned things, (N,)."""
+        corners = self._corners(controls)
+        below, above = corners < self.low, corners > self.high
+        beside = (below[:-1] & below[1:]) | (above[:-1] & above[1:])
+        found: BoolArray = ~(beside[:, 0] | beside[:, 1] | beside[:, 2]).all(axis=0)
+        return found
+
+    def __call__(self, controls: Array) -> FirstHits:
         """The first hits of projectors (K, 3, N), in world space, along chords."""
         count = controls.shape[2]
-        weights = bernstein(len(controls) - 1, shares)
-        corners = np.einsum("kt,kcn->tcn", weights, controls)
-        corners = (corners - scene.cast.centre[:, None]) * scene.cast.scale
+        mesh, planes = self.scene.cast.mesh, self.scene.cast.planes
+        corners = self._corners(controls)
+        ways = np.diff(corners, axis=0)
+        starts, traced_ways = corners.astype(np.float32), ways.astype(np.float32)
         t, seen = np.full(count, np.inf), np.zeros(count, bool)
         open_ = np.arange(count)
         for chord in range(CHORDS):
-            start = corners[chord][:, open_]
-            way = corners[chord + 1][:, open_] - start
             limits = np.ones(len(open_), np.float32)
-            found = mesh.trace(start.astype(np.float32), way.astype(np.float32), limits)
-            hit = np.flatnonzero(found >= 0)
-            plane = planes[:, found[hit]]
-            height = np.einsum("cn,cn->n", plane[:3], start[:, hit]) + plane[3]
-            fall = np.einsum("cn,cn->n", plane[:3], way[:, hit])
+            found = mesh.trace(starts[chord].take(open_, 1), traced_ways[chord].take(open_, 1), limits)
+            is_hit = found >= 0
+            hit, triangle = open_[is_hit], found[is_hit]
+            plane = planes[:, triangle]
+            height = np.einsum("cn,cn->n", plane[:3], corners[chord][:, hit]) + plane[3]
+            fall = np.einsum("cn,cn->n", plane[:3], ways[chord][:, hit])
             share = np.clip(-height / np.where(fall == 0.0, np.inf, fall), 0.0, 1.0)
-            t[open_[hit]] = (chord + share) / CHORDS
-            seen[open_[hit]] = wanted[found[hit]]
-            open_ = open_[found < 0]
+            t[hit] = (chord + share) / CHORDS
+            seen[hit] = self.wanted[triangle]
+            open_ = open_[~is_hit]
         return FirstHits(t, seen)
-
-    return find

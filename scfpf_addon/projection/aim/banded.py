@@ -95,13 +95,13 @@ class Normal:
         for number, start, end in zip(keys, starts, np.append(starts, len(order))[1:], strict=True):
             column, row = divmod(int(number), self.net.rows)
             up = slice(row * self.cell, row * self.cell + width)
-            part = coefficients[:, start:end]
-            square = product(part, part.T).reshape(ACTING, width, ACTING, width)
+            # By columns: products of these sizes stay in this thread.
+            part = coefficients[:, start:end].reshape(ACTING, width, end - start)
             for apart in range(ACTING):
                 across = slice(column, column + ACTING - apart)
-                diagonal = np.einsum("kikj->kij", square[apart:, :, : ACTING - apart])
-                self.band[apart, across, up, up] += diagonal
-            self.right[column : column + ACTING, up] += (part @ residuals[start:end]).reshape(ACTING, width)
+                products = np.matmul(part[apart:], part[: ACTING - apart].swapaxes(1, 2))
+                self.band[apart, across, up, up] += products
+            self.right[column : column + ACTING, up] += part @ residuals[start:end]
 
     def add_grid(self, terms: GridTerms) -> None:
         """Add residuals at a grid, one axis after the other.
@@ -119,7 +119,8 @@ class Normal:
         for apart in range(ACTING):
             across[apart, : net.columns - apart] = (a[:, : net.columns - apart] * a[:, apart:]).T
         total = product(across.reshape(-1, counts[0]), summed)
-        self.band += total[:, _spread(net.rows, cell // 3)].reshape(self.band.shape)
+        spread = total.take(_spread(net.rows, cell // 3), axis=1, mode="clip")
+        self.band += spread.reshape(self.band.shape)
         right = product(terms.right.swapaxes(0, 1).reshape(-1, counts[1]), b).reshape(counts[0], -1)
         pulled = product(np.ascontiguousarray(a.T), right).reshape(net.columns, cell, net.rows)
         self.right += pulled.swapaxes(1, 2).reshape(self.right.shape)

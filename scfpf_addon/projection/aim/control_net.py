@@ -193,11 +193,7 @@ def combined(weights: Array, controls: Array) -> Array:
 
     weights: (surfaces, ..., N). controls: (surfaces, 3, N).
     """
-    across = (1,) * (weights.ndim - 2)
-    parts = controls.reshape(*controls.shape[:2], *across, controls.shape[2])
-    total: Array = weights[0] * parts[0]
-    for weight, part in zip(weights[1:], parts[1:], strict=True):
-        total += weight * part
+    total: Array = np.einsum("s...n,scn->c...n", weights, controls)
     return total
 
 

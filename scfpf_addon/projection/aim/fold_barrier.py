@@ -27,14 +27,15 @@ Jacobians = tuple[Array, tuple[Array, Array, Array]]
 
 
 class FoldBarrier:
-    """The barrier at N projectors. orientation: the sign of the determinant where nothing folds.
+    """The barrier at N projectors.
 
-    t: (7, N), where they are tested.
+    orientation: the sign of the determinant where nothing folds. hits_t: (N,), their first hits, None for
+    whole projectors. t: (7, N), where they are tested.
     """
 
-    def __init__(self, places: Grid | Places, orientation: float) -> None:
+    def __init__(self, places: Grid | Places, orientation: float, hits_t: Array | None = None) -> None:
         self.places, self.orientation = places, orientation
-        self.look(np.ones(places.count))
+        self.look(np.ones(places.count) if hits_t is None else hits_t)
 
     def look(self, hits_t: Array) -> None:
         """Test up to the first hits (N,)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -75,13 +75,14 @@ class AimPins:
 class AimStays:
     """Points that shall stay where the image shows them, at a grid of its positions.
 
-    x: (U,), y: (V,), ascending. points: (3, U, V). weights: (U, V), 0 to 1 for what the old image shows, more
-    for locked regions, 0 where nothing shall stay.
+    x: (U,), y: (V,), ascending. points: (3, U, V). t: (U, V), where they are on the start's projectors.
+    weights: (U, V), 0 to 1 for what the old image shows, more for locked regions, 0 where nothing shall stay.
     """
 
     x: Array
     y: Array
     points: Array
+    t: Array
     weights: Array
 
 
@@ -113,8 +114,14 @@ class FirstHits(NamedTuple):
     wanted: BoolArray
 
 
-# From control points of projectors (K, 3, N) to their first hits.
-FindHits = Callable[[Array], FirstHits]
+class FindHits(Protocol):
+    """What finds the first hits of projectors by their control points, (K, 3, N)."""
+
+    def __call__(self, controls: Array, /) -> FirstHits:
+        """Find the first hits."""
+
+    def may_meet_wanted(self, controls: Array) -> BoolArray:
+        """Return which projectors, (N,), pass a pinned thing closely; no other one meets it."""
 
 
 @dataclass(frozen=True)

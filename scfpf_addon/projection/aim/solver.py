@@ -22,7 +22,7 @@ from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
 from .homotopy import Homotopy
 from .line_energy import LineEnergy
 from .pin_energy import PinEnergy, PinTargets
-from .problem import AimPins, AimProblem, AimResult, Schedule
+from .problem import AimPins, AimProblem, AimResult, FirstHits, Schedule
 from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
@@ -93,10 +93,11 @@ class Aim:
             grid = self.net.grid(*((np.arange(count) + 0.5) / count for count in (columns, rows)))
         else:
             grid = self._grid(FINE_GRID)
-        fine = FoldBarrier(grid, self.orientation)
+        t = None
         if self.problem.first_hits is not None:
             t = self.problem.first_hits(grid.controls(self.points)[0]).t
-            fine.look(_farthest_near(t, grid) if self.schedule.mends else t)
+            t = _farthest_near(t, grid) if self.schedule.mends else t
+        fine = FoldBarrier(grid, self.orientation, t)
         worst = fine.worst(self.points)
         folded = np.flatnonzero(worst < (MENDED_FOUND if self.schedule.mends else FOUND) * LEAST_JACOBIAN)
         if len(folded):
@@ -222,18 +223,23 @@ class Aim:
         Those of pins are kept from folding up to their points: beyond a fold nothing is shown.
         """
         self.pin_folds.look(self.t)
-        if self.problem.first_hits is None:
+        find = self.problem.first_hits
+        if find is None:
             return
         parts = [fold.places.controls(self.points)[0] for fold in self.folds]
-        parts += [stays.controls(self.points)[0] for stays in self.stays]
-        hits = self.problem.first_hits(np.concatenate(parts, axis=2))
+        near = []
+        for stays in self.stays:
+            controls = stays.controls(self.points)[0]
+            near.append(np.flatnonzero(find.may_meet_wanted(controls)))
+            parts.append(controls[..., near[-1]])
+        hits = find(np.concatenate(parts, axis=2))
         ends = np.cumsum([part.shape[2] for part in parts])[:-1]
-        seen = list(zip(np.split(hits.t, ends), np.split(hits.wanted, ends), strict=True))
-        self.folds[0].look(_farthest_near(seen[0][0], self.fold_grid))
-        for fold, (t, _) in zip(self.folds[1:], seen[1:], strict=False):
-            fold.look(t)
-        for stays, (t, wanted) in zip(self.stays, seen[len(self.folds) :], strict=True):
-            stays.hide(t, wanted)
+        seen = [FirstHits(*part) for part in zip(*(np.split(each, ends) for each in hits), strict=True)]
+        self.folds[0].look(_farthest_near(seen[0].t, self.fold_grid))
+        for fold, found in zip(self.folds[1:], seen[1:], strict=False):
+            fold.look(found.t)
+        for stays, which, found in zip(self.stays, near, seen[len(self.folds) :], strict=True):
+            stays.hide(which, found)
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
         total = self.pin_energy.value(points, t, targets)

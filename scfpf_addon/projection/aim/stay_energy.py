@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..typing import Array, BoolArray
+from ..typing import Array, BoolArray, IndexArray
 from ..volume.bezier import bernstein, bernstein_derivative
 from .banded import GridTerms, pairs
 from .control_net import Net, combined, position_and_tangent
 from .pin_energy import DEGREES, LONGEST_SLIDE
-from .problem import AimStays, AimWeights
-from .vectors import across_of, dot, nearest_t, unit
+from .problem import AimStays, AimWeights, FirstHits
+from .vectors import across_of, dot, unit
 
 # Projectors do not use the last share of t: stays beyond are missed.
 LAST_T = 0.98
@@ -50,7 +50,7 @@ class StayEnergy:
         share = np.sqrt(USUAL_COUNT / stays.weights.size)
         self.strength = weights.stay * share * stays.weights.ravel()[self.listed]
         controls = self.controls(points)
-        self.t = nearest_t(controls[0], self.points)
+        self.t = stays.t.ravel()[self.listed]
         self.width = width
         self.old_tangent = unit(position_and_tangent(controls[0], self.t)[1])
         self.least = self._footprints(controls, self.t, self.old_tangent) * LEAST_FOOTPRINT
@@ -70,9 +70,10 @@ class StayEnergy:
         footprint: Array = np.sqrt(dot(across, across)) / self.width
         return footprint
 
-    def hide(self, hits_t: Array, wanted: BoolArray) -> None:
-        """Leave out the stays that wanted things hide, whose first hits are at ``hits_t`` (N,)."""
-        self.active = np.where(wanted & (hits_t < self.t - NEARER), 0.0, 1.0)
+    def hide(self, which: IndexArray, hits: FirstHits) -> None:
+        """Leave out the stays that wanted things hide. which: (K,), those of these first hits."""
+        self.active = np.ones(len(self.listed))
+        self.active[which[hits.wanted & (hits.t < self.t[which] - NEARER)]] = 0.0
 
     def _slid(self, points: Array) -> _Slid:
         """The nearest t; there the unit tangent, its speed, and the way from Q to the stay.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.aim.cases import WIDTH, figure, random_setting, room, view_setting
-from scfpf_addon.casting.aim.aim_scene import hit_finder
+from scfpf_addon.casting.aim.aim_scene import HitFinder
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.projection.aim.problem import AimPins, Schedule
 from scfpf_addon.projection.aim.solver import solve
@@ -141,7 +141,7 @@ def test_a_mirrored_volume_is_reported(solved):
 def test_first_hits_for_the_solver_are_the_casters(place):
     x, y = np.random.default_rng(5).random((2, 300))
     hits = place.scene.hits(place.base, x, y, WIDTH)
-    seen = hit_finder(place.scene, place.wanted)(place.base.projectors(x, y).points)
+    seen = HitFinder(place.scene, place.wanted)(place.base.projectors(x, y).points)
     np.testing.assert_allclose(seen.t, hits.t, atol=1e-6)
     np.testing.assert_array_equal(seen.wanted, place.wanted[hits.triangle] & (hits.triangle >= 0))
 

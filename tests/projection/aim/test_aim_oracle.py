@@ -11,6 +11,7 @@ from scfpf_addon.projection.aim.control_net import Net
 from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimStays, AimWeights
 from scfpf_addon.projection.aim.solver import Aim
 from scfpf_addon.projection.aim.start import start_volume
+from scfpf_addon.projection.aim.vectors import nearest_t
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -36,7 +37,9 @@ def asked():
     start = start_volume(projection, WIDTH, (6, 5), 2, subject=0.4)
     grid = np.linspace(0.0, 1.0, 7)
     x, y = np.meshgrid(grid, grid, indexing="ij")
-    stays = AimStays(grid, grid, at(x, y, 12.0), np.ones((7, 7)))
+    points, volume = at(x, y, 12.0), ViewingVolume(start.patches)
+    t = nearest_t(volume.controls(x.ravel(), y.ravel()).points, points.reshape(3, -1))
+    stays = AimStays(grid, grid, points, t.reshape(7, 7), np.ones((7, 7)))
     pins = AimPins(at(np.array([0.53]), np.array([0.47]), DEPTH), np.array([[0.5], [0.5]]))
     return AimProblem(start.patches, WIDTH, ASPECT, pins, (stays,), weights=WEIGHTS)
 
