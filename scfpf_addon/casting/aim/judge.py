@@ -130,8 +130,8 @@ class Judgement:
 
 
 def _percentile(values: Array, share: float) -> float:
-    """The value below which a share in percent of values lies, 0 without values."""
-    return float(np.percentile(values, share, method="lower")) if len(values) else 0.0
+    """The least value that a share in percent of values does not exceed, 0 without values."""
+    return float(np.percentile(values, share, method="inverted_cdf")) if len(values) else 0.0
 
 
 class _Background(NamedTuple):

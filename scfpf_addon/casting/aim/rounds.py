@@ -16,6 +16,8 @@ from .judge import Judgement
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
 # barrier hold their own against them, and stays that count less force no folds.
 FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
+# From a solved volume, pins and stays that count more go to their places.
+FIRM = Schedule(stages=1, final_steps=16, pin=3.0, stay=2.0)
 # From a solved volume, the ways of detours round what hides pins. The second one frees most, the third one
 # holds pins and background best.
 _FREEING = Schedule(stages=4, final_steps=40)
@@ -56,9 +58,10 @@ def solve_in_rounds(
 ) -> Round | None:
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
-    old: the judgement of the image before; a round that is no worse wins over one that is. The best one is
-    mended if it folds, and if that fails stays count more, then less. Further rounds free hidden pins from
-    where that ended.
+    old: the judgement of the image before; a round that is no worse wins over one that is. Where pins or the
+    background miss their bars, the round goes on with more weight on both. The best one is mended if it
+    folds, and if that fails stays count more, then less. Further rounds free hidden pins from where that
+    ended.
     """
     rounds = _Rounds(old, report)
     try:
@@ -70,25 +73,35 @@ def solve_in_rounds(
 
 
 def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Round | None:
-    first = rounds.solve(problem, judged, FIRST)
-    found = [first]
-    if first is None or not rounds.is_good(first):
-        for way in [LOOSE] if first is None else other_ways(first.judgement):
-            found.append(rounds.solve(problem, judged, way))
-            if found[-1] and not found[-1].judgement.misses_pins:
+    finite = _firmed(rounds, problem, judged, FIRST)
+    best = min(finite, key=rounds.rank, default=None)
+    if best is None or not rounds.is_good(best):
+        for way in [LOOSE] if best is None else other_ways(best.judgement):
+            found = _firmed(rounds, problem, judged, way)
+            finite += found
+            if found and not found[-1].judgement.misses_pins:
                 break
-    finite = [one for one in found if one is not None]
     if not finite:
         return None
     best = min(finite, key=rounds.rank)
     # Where stays of their weight force folds, they yield.
     finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
-    for way, most in ((STILL, FORCED), (LOOSE, 1.0)):
-        unclean = min(finite, key=rounds.final_rank).judgement.unclean
-        if 0.0 < unclean <= most and all(one.schedule != way for one in finite):
-            other = rounds.solve(problem, judged, way)
-            finite += [other, *_mended(rounds, problem, judged, other, [way])] if other else []
+    for way in (STILL, LOOSE):
+        is_clean = min(finite, key=rounds.final_rank).judgement.is_clean
+        if not is_clean and all(one.schedule != way for one in finite):
+            for other in _firmed(rounds, problem, judged, way):
+                finite += [other, *_mended(rounds, problem, judged, other, [other.schedule])]
     return min(finite, key=rounds.final_rank)
+
+
+def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: Schedule) -> list[Round]:
+    """The round of a way, then the one that brings pins and stays nearer, if they miss their bars."""
+    found = rounds.solve(problem, judged, way)
+    if found is None:
+        return []
+    missed = found.judgement.misses_pins or found.judgement.misses_background
+    firm = rounds.solve(replace(problem, solved=found.result), judged, FIRM) if missed else None
+    return [found] if firm is None else [found, firm]
 
 
 def _mended(
@@ -113,10 +126,10 @@ def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResul
     way frees nothing the others are not tried.
     """
     first, *others = FREEING
-    found = [rounds.solve(problem, judged, first)]
-    if found[0] is not None and found[0].judgement.hidden < best.judgement.hidden:
-        found += [rounds.solve(problem, judged, way) for way in others]
-    freer = [one for one in found if one is not None and rounds.is_freer(best.judgement, one.judgement)]
+    found = _firmed(rounds, problem, judged, first)
+    if min((one.judgement.hidden for one in found), default=1.0) < best.judgement.hidden:
+        found += [one for way in others for one in _firmed(rounds, problem, judged, way)]
+    freer = [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
     return min([best, *freer], key=lambda one: one.judgement.shortfall)
 
 

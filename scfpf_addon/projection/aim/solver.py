@@ -31,15 +31,15 @@ from .vectors import cross, dot
 # when, once folds were looked for, so many steps in turn have ended less than this share below the least
 # energy. Detours go on: projectors bend round a thing by many small gains.
 SETTLED = 1.0
-LEAST_GAIN, SMALL_GAINS = 5e-3, 3
+LEAST_GAIN, SMALL_GAINS = 5e-3, 2
 # The last steps are proximal (Rockafellar 1976): a move of a pixel costs the square of this. It moves nothing
 # from where the energy is least, but what is weakly held cannot swing into folds.
 PROXIMAL = 0.03
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
-DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-4
-EASED, TIGHTENED, ATTEMPTS = 0.3, 8.0, 5
+DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-3
+EASED, TIGHTENED, ATTEMPTS = 0.5, 8.0, 5
 # Drags and mending go a little way only, where the least damping of a long way would let what is weakly held
 # swing. An event of a drag that is behind by more pixels takes further steps, at most so many in all.
 DRAG_DAMPING, MENDING_DAMPING, BEHIND, DRAG_STEPS = 1e-3, 1e-2, 1.0, 3

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The choice among rounds, with a solver that returns given judgements in turn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ def judgement(pixels=0.1, moved=1.0, mirrored=0.0, folded=0.0, hidden=0):
 OLD = judgement(pixels=60.0, moved=0.0)
 PATCH = NurbsPatch(np.zeros((4, 4, 3)))
 PROBLEM = AimProblem((PATCH,), 1920, 2.0, AimPins(np.zeros((3, 10)), np.zeros((2, 10))))
-MEND = rounds.FIRST.mending()
+FIRM, MEND = rounds.FIRM, rounds.FIRST.mending()
 # Where mending fails, stays count more, and then yield. What then folds is mended.
 STRICTER, YIELDING = ([way, way.mending()] for way in (rounds.STILL, rounds.LOOSE))
 
@@ -34,7 +36,7 @@ def chosen(monkeypatch):
 
         def fake(problem, is_cancelled, schedule):
             solved.append(schedule)
-            assert (problem.solved is not None) == schedule.mends
+            assert (problem.solved is not None) == (schedule.mends or schedule == FIRM)
             result = AimResult((PATCH,), np.zeros(10), np.zeros(10), len(solved))
             return None if is_cancelled() else result
 
@@ -55,30 +57,40 @@ def test_the_first_that_meets_the_bars_ends_the_rounds(chosen):
 def test_without_one_the_least_shortfall_wins(chosen):
     # log2 (8 / 2) and log2 (4 / 2) of the median background.
     assert judgement(moved=8.0).shortfall == 2.0
-    assert chosen([judgement(moved=8.0), judgement(moved=4.0)])[0] == 2
-    assert chosen([judgement(moved=4.0), judgement(moved=8.0)])[0] == 1
+    for best in range(4):
+        moved = np.where(np.arange(4) == best, 4.0, 8.0)
+        ways = [rounds.FIRST, FIRM, rounds.STILL, FIRM]
+        assert chosen([judgement(moved=each) for each in moved]) == (best + 1, ways)
+
+
+def test_what_is_missed_by_a_little_is_brought_nearer(chosen):
+    for missed in (judgement(pixels=0.6), judgement(moved=2.5)):
+        assert chosen([missed, judgement()]) == (2, [rounds.FIRST, FIRM])
 
 
 def test_a_clean_one_wins_over_one_that_folds(chosen):
     far, folded = judgement(moved=8.0), judgement(folded=0.001)
     assert folded.shortfall == 0.5 < far.shortfall
     # The one that folds is nearer, so it is mended; where that fails, the clean one is taken.
-    ways = [rounds.FIRST, rounds.STILL, rounds.STILL.mending(), MEND]
+    ways = [rounds.FIRST, FIRM, FIRM.mending(), MEND]
     assert chosen([far, folded, judgement(moved=4.0)]) == (3, ways[:3])
     assert chosen([far, folded, folded, judgement(moved=16.0)]) == (1, ways)
     assert chosen([far, folded, folded, judgement(moved=4.0)]) == (4, ways)
     # A fold and missed pins are two faults; where pins are missed nothing is mended.
-    missed = [judgement(pixels=2.0), *[judgement(pixels=1.9, folded=0.001)] * 2]
-    assert chosen(missed) == (1, [rounds.FIRST, rounds.LOOSE, rounds.STILL])
+    missed = [judgement(pixels=2.0), *[judgement(pixels=1.9, folded=0.001)] * 5]
+    assert chosen(missed) == (1, [rounds.FIRST, FIRM, rounds.LOOSE, FIRM, rounds.STILL, FIRM])
 
 
 @pytest.mark.parametrize(
     ("first", "others"),
     [
-        (judgement(moved=40.0), [rounds.STILL]),
-        (judgement(moved=40.0, folded=0.001), [rounds.STILL, MEND, *YIELDING]),
-        (judgement(folded=0.02), [rounds.LOOSE, MEND]),
-        (judgement(pixels=30.0), [rounds.LOOSE, rounds.STILL]),
+        (judgement(moved=40.0), [FIRM, rounds.STILL, FIRM]),
+        (
+            judgement(moved=40.0, folded=0.001),
+            [FIRM, rounds.STILL, FIRM, MEND, rounds.LOOSE, FIRM, rounds.LOOSE.mending(), FIRM.mending()],
+        ),
+        (judgement(folded=0.02), [rounds.LOOSE, MEND, *STRICTER]),
+        (judgement(pixels=30.0), [FIRM, rounds.LOOSE, FIRM, rounds.STILL, FIRM]),
     ],
 )
 def test_what_the_first_way_misses_chooses_the_others(chosen, first, others):
@@ -91,7 +103,7 @@ def test_where_mending_fails_stays_count_more_then_yield(chosen):
     for count in range(2, 6):
         assert chosen([*[folded] * count, good]) == (count + 1, ways[: count + 1])
     # One that is clean wins, also over one whose background stays.
-    assert chosen([folded, folded, judgement(moved=20.0)])[0] == 3
+    assert chosen([folded, folded, judgement(moved=20.0), folded, folded])[0] == 3
 
 
 def test_one_that_is_worse_than_before_loses(chosen):
@@ -124,13 +136,18 @@ def test_progress_rises_and_stops(chosen):
 def test_freed_pins_are_taken_if_the_image_is_better(monkeypatch, freed, taken):
     solved = []
     result = AimResult((PATCH,), np.zeros(10), np.zeros(10), 1)
-    monkeypatch.setattr(rounds, "solve", lambda problem, report, way: solved.append((problem, way)) or result)
-    hidden = judgement(hidden=4)
-    problem = object()
+
+    def fake(problem, report, way):
+        solved.append((problem.width, way))
+        return result
+
+    monkeypatch.setattr(rounds, "solve", fake)
+    hidden, narrow = judgement(hidden=4), replace(PROBLEM, width=100)
     best = rounds.solve_in_rounds(
-        PROBLEM, lambda result: hidden, OLD, free=lambda found: (problem, lambda result: freed)
+        PROBLEM, lambda result: hidden, OLD, free=lambda found: (narrow, lambda result: freed)
     )
-    # Where the first way frees nothing no other is tried.
+    # Where the first way frees nothing no other is tried. Pins that are missed are brought nearer.
     ways = rounds.FREEING[:1] if freed.hidden else rounds.FREEING
-    assert solved == [(PROBLEM, rounds.FIRST), *((problem, way) for way in ways)]
+    nearer = [FIRM] if freed.misses_pins else []
+    assert solved == [(1920, rounds.FIRST), *((100, each) for way in ways for each in (way, *nearer))]
     assert (best.judgement is freed) == taken
