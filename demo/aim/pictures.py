@@ -2,7 +2,8 @@
 """Render the pictures of docs/aim.md: `python3 dev.py pictures aim-car aim-valley aim-figures`, and others.
 
 Each frame turns or moves the targets a little, lets the volume follow by warm steps as Live Aim does, and
-renders with the engine; the last one is solved. The targets' frames and pins are drawn on top.
+renders with the engine; the last one is solved. Both sides at once are solved first: their frames blend from
+the start to the solution, as keyframes do. The targets' frames and pins are drawn on top.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import importlib
 import math
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -151,9 +153,9 @@ def show_both_sides(street):
 
     def move(share: float) -> None:
         for index, side in enumerate((-1.0, 1.0)):
-            angle = side * math.radians(40) * share
+            angle = side * math.radians(60) * share
             bpy.ops.scfpf.aim_turn(camera=camera.name, index=index, left=-angle)
-            camera.scfpf.aim_targets[index].position[0] += side * 0.1 * share
+            camera.scfpf.aim_targets[index].position[0] += side * 0.16 * share
 
     return camera, move
 
@@ -165,6 +167,50 @@ TASKS = {
     "aim-valley": ("street", tilt_valley),
     "aim-sides": ("street", show_both_sides),
 }
+
+
+# Those on whose way no volume shows what is asked.
+BLENDED = {"aim-sides"}
+
+
+def follow(name: str, camera, move, shoot) -> None:
+    """Shoot while the targets move and the volume follows, and once it is solved."""
+    import bpy
+
+    drag = module("bridge.aim.drag").AimDrag(camera, bpy.context.evaluated_depsgraph_get())
+    shoot("start")
+    for _ in range(FRAMES - 1):
+        move(1 / (FRAMES - 1))
+        bpy.context.view_layer.update()
+        left = [drag.step(bpy.context.evaluated_depsgraph_get()) for _ in range(STEPS)]
+        shoot(f"{left[-1]:.2f} px")
+    try:
+        bpy.ops.scfpf.aim_solve(camera=camera.name)
+    except RuntimeError as error:
+        print(f"{name}: {error}", flush=True)
+    else:
+        shoot(camera.scfpf.aim.message)
+
+
+def blend(name: str, camera, move, shoot) -> None:
+    """Solve with the targets moved, and shoot from the start's control points to the solved ones."""
+    import bpy
+
+    volume = module("bridge.aim.aimed_volume")
+    move(1.0)
+    bpy.context.view_layer.update()
+    bpy.ops.scfpf.aim_solve(camera=camera.name)
+    print(f"{name}: {camera.scfpf.aim.message}", flush=True)
+    start, solved = volume.start_of(camera), volume.present_patches(camera)
+    move(-1.0)
+    for number in range(FRAMES + 1):
+        share = number / FRAMES
+        pairs = zip(start, solved, strict=True)
+        points = [replace(a, points=a.points + share * (b.points - a.points)) for a, b in pairs]
+        volume.write_points(camera, tuple(points))
+        bpy.context.view_layer.update()
+        shoot(f"{share:.0%}")
+        move(1 / FRAMES)
 
 
 def outlines(camera):
@@ -199,7 +245,6 @@ def record(name: str, scratch: Path) -> Path:
     bpy.context.window.scene = scene
     camera, move = task(scene)
     bpy.context.view_layer.update()
-    drag = module("bridge.aim.drag").AimDrag(camera, bpy.context.evaluated_depsgraph_get())
     camera.scfpf.samples = 4
     pictures = []
 
@@ -211,18 +256,7 @@ def record(name: str, scratch: Path) -> Path:
             ImageDraw.Draw(picture).line([*corners, corners[0]], INK, 2)
         pictures.append(picture)
 
-    shoot("start")
-    for _ in range(FRAMES - 1):
-        move(1 / (FRAMES - 1))
-        bpy.context.view_layer.update()
-        left = [drag.step(bpy.context.evaluated_depsgraph_get()) for _ in range(STEPS)]
-        shoot(f"{left[-1]:.2f} px")
-    try:
-        bpy.ops.scfpf.aim_solve(camera=camera.name)
-    except RuntimeError as error:
-        print(f"{name}: {error}", flush=True)
-    else:
-        shoot(camera.scfpf.aim.message)
+    (blend if name in BLENDED else follow)(name, camera, move, shoot)
     path = FOLDER / f"{name}.webp"
     join(pictures, path)
     return path

@@ -123,14 +123,17 @@ def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResul
     """The best of the rounds that free pins from where ``best`` ended; ``best`` itself if none is better.
 
     Their shortfalls are compared, also if ``best`` meets the bars: no bar counts hidden pins. Where the first
-    way frees nothing the others are not tried.
+    way frees nothing the others are not tried, nor where one leaves nothing to better.
     """
-    first, *others = FREEING
-    found = _firmed(rounds, problem, judged, first)
-    if min((one.judgement.hidden for one in found), default=1.0) < best.judgement.hidden:
-        found += [one for way in others for one in _firmed(rounds, problem, judged, way)]
-    freer = [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
-    return min([best, *freer], key=lambda one: one.judgement.shortfall)
+    for way in FREEING:
+        found = _firmed(rounds, problem, judged, way)
+        if way == FREEING[0] and all(one.judgement.hidden >= best.judgement.hidden for one in found):
+            return best
+        freer = [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
+        best = min([best, *freer], key=lambda one: one.judgement.shortfall)
+        if best.judgement.shortfall == 0.0:
+            break
+    return best
 
 
 def other_ways(first: Judgement) -> list[Schedule]:

@@ -260,10 +260,10 @@ class NurbsPatch(ControlSurface):
         """See ControlSurface.local; tiles are what lies between creases."""
         basis_u, basis_v = self._bases
         (place_u, tile_u), (place_v, tile_v) = basis_u.at(u), basis_v.at(v)
-        across, up = basis_u.acting(place_u), basis_v.acting(place_v)
-        total = self._combine(up.point, up.value, across.point, across.value)
-        du = self._combine(up.point, up.value, across.point, across.slope)
-        dv = self._combine(up.point, up.slope, across.point, across.value)
+        total, du, dv = found = np.zeros((3, len(self._homogeneous), len(u)))
+        for start in range(0, len(u), BLOCK):
+            part = slice(start, start + BLOCK)
+            self._combine(basis_v.acting(place_v[part]), basis_u.acting(place_u[part]), *found[..., part])
         # From knots to [0, 1].
         du *= basis_u.ends[1] - basis_u.ends[0]
         dv *= basis_v.ends[1] - basis_v.ends[0]
@@ -311,15 +311,21 @@ class NurbsPatch(ControlSurface):
                 target += np.multiply(curve.take(place, 1), weight, out=term)
         return total.reshape(len(flat), -1)
 
-    def _combine(self, rows: IndexArray, of_row: Array, columns: IndexArray, of_column: Array) -> Array:
-        """Σ of_row · of_column · homogeneous point over the acting rows and columns, (3 or 4, N)."""
+    def _combine(self, up: Acting, across: Acting, total: Array, du: Array, dv: Array) -> None:
+        """Add homogeneous positions and their derivatives by the knot values of u and v, (3 or 4, N) each."""
         width = np.shape(self.points)[1]
         flat = self._homogeneous
-        total = np.zeros((len(flat), rows.shape[1]))
-        for row, row_weight in zip(rows, of_row, strict=True):
-            for column, column_weight in zip(columns, of_column, strict=True):
-                total += flat.take(row * width + column, 1) * (row_weight * column_weight)
-        return total
+        curve, tangent, term = np.empty((3, *total.shape))
+        for row, weight, slope in zip(*up, strict=True):
+            # Along u first: both derivatives share what that gives.
+            curve[:], tangent[:] = 0.0, 0.0
+            for column, of_column, slope_of_column in zip(*across, strict=True):
+                point = flat.take(row * width + column, 1)
+                curve += np.multiply(point, of_column, out=term)
+                tangent += np.multiply(point, slope_of_column, out=term)
+            total += np.multiply(curve, weight, out=term)
+            du += np.multiply(tangent, weight, out=term)
+            dv += np.multiply(curve, slope, out=term)
 
 
 def _row_length(u: Array, v: Array) -> int:
