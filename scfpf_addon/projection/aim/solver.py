@@ -22,7 +22,7 @@ from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
 from .homotopy import Homotopy
 from .line_energy import LineEnergy
 from .pin_energy import PinEnergy, PinTargets
-from .problem import AimPins, AimProblem, AimResult, FirstHits, Schedule
+from .problem import AimPins, AimProblem, AimResult, FindHits, FirstHits, Schedule
 from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
@@ -167,8 +167,7 @@ class Aim:
 
     def drag(self, pins: AimPins) -> AimResult:
         """Follow pins that have moved a little, as many as before and in their order, mostly by one step."""
-        t = self.t
-        home = self.pin_energy.home_t
+        t, home = self.t, self.pin_energy.home_t
         self._begin_pins(pins, self.way)
         self.t, self.pin_energy.home_t = t, home
         self.pin_folds.look(t)
@@ -232,9 +231,7 @@ class Aim:
             controls = stays.controls(self.points)[0]
             near.append(np.flatnonzero(find.may_meet_wanted(controls)))
             parts.append(controls[..., near[-1]])
-        hits = find(np.concatenate(parts, axis=2))
-        ends = np.cumsum([part.shape[2] for part in parts])[:-1]
-        seen = [FirstHits(*part) for part in zip(*(np.split(each, ends) for each in hits), strict=True)]
+        seen = _found_at_once(find, parts)
         self.folds[0].look(_farthest_near(seen[0].t, self.fold_grid))
         for fold, found in zip(self.folds[1:], seen[1:], strict=False):
             fold.look(found.t)
@@ -264,6 +261,13 @@ def _usual_orientation(grid: Grid, points: Array) -> float:
     """The sign of the determinant where nothing folds."""
     middle = Along.of(grid.controls(points), np.full(grid.count, 0.5))
     return float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
+
+
+def _found_at_once(find: FindHits, parts: list[Array]) -> list[FirstHits]:
+    """The first hits of each part of projectors (K, 3, N)."""
+    hits = find(np.concatenate(parts, axis=2))
+    ends = np.cumsum([part.shape[2] for part in parts])[:-1]
+    return [FirstHits(*part) for part in zip(*(np.split(each, ends) for each in hits), strict=True)]
 
 
 def _farthest_near(t: Array, grid: Grid) -> Array:
