@@ -122,18 +122,20 @@ def _mended(
 def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
     """The best of the rounds that free pins from where ``best`` ended; ``best`` itself if none is better.
 
-    Their shortfalls are compared, also if ``best`` meets the bars: no bar counts hidden pins. Where the first
-    way frees nothing the others are not tried, nor where one leaves nothing to better.
+    Their shortfalls are compared, also if ``best`` meets the bars: no bar counts hidden pins. Those that meet
+    the bars win over others. Where the first way frees nothing the others are not tried, nor where one leaves
+    nothing to better.
     """
+    freer: list[Round] = []
     for way in FREEING:
         found = _firmed(rounds, problem, judged, way)
         if way == FREEING[0] and all(one.judgement.hidden >= best.judgement.hidden for one in found):
             return best
-        freer = [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
-        best = min([best, *freer], key=lambda one: one.judgement.shortfall)
-        if best.judgement.shortfall == 0.0:
+        freer += [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
+        if any(one.judgement.shortfall == 0.0 for one in freer):
             break
-    return best
+    kept = [one for one in freer if one.judgement.meets_bars]
+    return min([best, *(kept or freer)], key=lambda one: one.judgement.shortfall)
 
 
 def other_ways(first: Judgement) -> list[Schedule]:
