@@ -15,7 +15,9 @@ def test_a_product_in_pieces_is_the_product(shape):
     assert np.allclose(arrays.product(a, b), np.einsum("ri,ic->rc", a, b), rtol=1e-12, atol=1e-12)
 
 
-def test_no_piece_is_worth_threads_to_blas(monkeypatch):
+@pytest.mark.parametrize("shape", [(864, 864, 12), (48, 64, 2160)])
+def test_no_piece_is_worth_threads_to_blas(monkeypatch, shape):
+    rows, inner, columns = shape
     sizes = []
     right = np.matmul
 
@@ -24,8 +26,10 @@ def test_no_piece_is_worth_threads_to_blas(monkeypatch):
         return right(a, b, out=out)
 
     monkeypatch.setattr(arrays.np, "matmul", counted)
-    arrays.product(np.ones((864, 864)), np.ones((864, 12)))
+    arrays.product(np.ones((rows, inner)), np.ones((inner, columns)))
     assert max(sizes) <= arrays.MOST_MULTIPLICATIONS
+    # Pieces are as large as they may be.
+    assert min(sizes[:-1]) > arrays.MOST_MULTIPLICATIONS / 2
 
 
 @pytest.mark.parametrize("size", [1, 63, 65, 131, 240])

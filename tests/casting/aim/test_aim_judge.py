@@ -146,6 +146,18 @@ def test_first_hits_for_the_solver_are_the_casters(place):
     np.testing.assert_array_equal(seen.wanted, place.wanted[hits.triangle] & (hits.triangle >= 0))
 
 
+def test_projectors_that_meet_the_thing_pass_it_closely(place):
+    random = np.random.default_rng(6)
+    controls = place.base.projectors(*random.random((2, 3000))).points
+    middle = controls.mean(axis=0) + random.normal(size=controls.shape[1:])
+    for each in (controls, np.stack([controls[0], middle, controls[1]])):
+        finder = HitFinder(place.scene, place.wanted)
+        near, seen = finder.may_meet_wanted(each), finder(each)
+        assert near[seen.wanted].all() and seen.wanted.sum() > 50
+        assert near.mean() < 0.4
+    assert not HitFinder(place.scene, np.zeros_like(place.wanted)).may_meet_wanted(controls).any()
+
+
 def test_stays_are_weaker_near_the_thing(solved):
     case, _, _ = solved
     (stays,) = case.problem.stays
