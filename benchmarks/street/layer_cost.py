@@ -4,10 +4,11 @@
     python3 dev.py bench --layers [--quick] [--only engine|cycles]
 
 The car is shown by an ordinary camera from its side, and unfolded by a volume, without and with a halo of
-ground; its layer is made as large as SHARE of the picture. Each picture is rendered without and with the
-layer by turns, by the engine and by Cycles, at each of SIZES, and the whole picture by the layer's camera
-alone: its time times the layer's share is the camera's own price, without which no layer can be. The median
-of the ratios of processor time counts. A rig that Cycles needs is made anew for each picture with the layer.
+ground; its layer, the halo included, is made as large as SHARE of the picture. Each picture is rendered
+without and with the layer by turns, by the engine and by Cycles, at each of SIZES, and the whole picture by
+the layer's camera alone: its time times the layer's share is the camera's own price, without which no layer
+can be. The median of the ratios of processor time counts. A rig that Cycles needs is made anew for each
+picture with the layer.
 """
 
 from __future__ import annotations
@@ -148,10 +149,9 @@ def measure(title: str, make, engines: Sequence[str], runs: int, folder: Path) -
     bpy.ops.scfpf.camera_from_camera()
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     (layer,) = scene.camera.scfpf.layers
-    layer.halo = 0.0
-    share = fit(scene.camera)
     for engine, halo in product(engines, (0.0, HALO)):
         layer.halo = halo
+        share = fit(scene.camera)
         scene.render.engine = "CYCLES" if engine == "cycles" else "SCFPF"
         for percentage, samples in SIZES[engine]:
             scene.render.resolution_percentage = percentage
