@@ -169,7 +169,7 @@ TASKS = {
 }
 
 
-# Those on whose way no volume shows what is asked.
+# Tasks on whose way frames overlap, which no volume can follow.
 BLENDED = {"aim-sides"}
 
 

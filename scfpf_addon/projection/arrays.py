@@ -43,7 +43,7 @@ def product(a: Array, b: Array) -> Array:
     """
     result = np.empty((len(a), b.shape[1]))
     step = max(1, MOST_MULTIPLICATIONS // max(min(a.size, b.size), 1))
-    # Pieces of the larger matrix are larger.
+    # The larger matrix is cut: fewer pieces do.
     if a.size < b.size:
         for start in range(0, b.shape[1], step):
             np.matmul(a, b[:, start : start + step], out=result[:, start : start + step])

@@ -53,15 +53,14 @@ class AimScene:
 
 
 class HitFinder:
-    """First hits for the solver. wanted: (T,), the triangles of the things that pins show."""
+    """Casts projectors for the solver. wanted: (T,), the triangles of the things that pins show."""
 
     def __init__(self, scene: AimScene, wanted: BoolArray) -> None:
         self.scene, self.wanted = scene, wanted
         corners = scene.cast.vertices[:, np.unique(scene.cast.triangles[wanted])]
-        self.low, self.high = (
-            choose(corners, axis=1, initial=start)[:, None]
-            for choose, start in ((np.min, np.inf), (np.max, -np.inf))
-        )
+        # Without such things the box is empty: nothing meets it.
+        self.low = corners.min(axis=1, initial=np.inf, keepdims=True)
+        self.high = corners.max(axis=1, initial=-np.inf, keepdims=True)
 
     def _corners(self, controls: Array) -> Array:
         """The corners of the chords of projectors (K, 3, N) in cast space, (CHORDS + 1, 3, N)."""

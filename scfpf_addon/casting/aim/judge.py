@@ -130,7 +130,7 @@ class Judgement:
 
 
 def _percentile(values: Array, share: float) -> float:
-    """The least value that a share in percent of values does not exceed, 0 without values."""
+    """The least value that at least a share in percent of the values does not exceed, 0 without any."""
     return float(np.percentile(values, share, method="inverted_cdf")) if len(values) else 0.0
 
 

@@ -16,7 +16,7 @@ from .judge import Judgement
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
 # barrier hold their own against them, and stays that count less force no folds.
 FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
-# From a solved volume, pins and stays that count more go to their places.
+# From a solved volume, with more weight on pins and stays: both come nearer to their places.
 FIRM = Schedule(stages=1, final_steps=16, pin=3.0, stay=2.0)
 # From a solved volume, the ways of detours round what hides pins. The second one frees most, the third one
 # holds pins and background best.
@@ -84,7 +84,7 @@ def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Ro
     if not finite:
         return None
     best = min(finite, key=rounds.rank)
-    # Where stays of their weight force folds, they yield.
+    # Where folds are left stays count more, then yield.
     finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
     for way in (STILL, LOOSE):
         is_clean = min(finite, key=rounds.final_rank).judgement.is_clean

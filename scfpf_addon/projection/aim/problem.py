@@ -115,13 +115,13 @@ class FirstHits(NamedTuple):
 
 
 class FindHits(Protocol):
-    """What finds the first hits of projectors by their control points, (K, 3, N)."""
+    """Casts N projectors for the solver. controls: (K, 3, N), their control points."""
 
     def __call__(self, controls: Array, /) -> FirstHits:
-        """Find the first hits."""
+        """Return the first hits."""
 
     def may_meet_wanted(self, controls: Array) -> BoolArray:
-        """Return which projectors, (N,), pass a pinned thing closely; no other one meets it."""
+        """Return whether each projector may meet a pinned thing, (N,); where False it certainly does not."""
 
 
 @dataclass(frozen=True)

@@ -151,3 +151,31 @@ def test_freed_pins_are_taken_if_the_image_is_better(monkeypatch, freed, taken):
     nearer = [FIRM] if freed.misses_pins else []
     assert solved == [(1920, rounds.FIRST), *((100, each) for way in ways for each in (way, *nearer))]
     assert (best.judgement is freed) == taken
+
+
+@pytest.mark.parametrize(
+    ("freed", "taken", "count"),
+    [
+        # Nothing is left to better: no other way is tried.
+        ([judgement()], 0, 1),
+        ([judgement(pixels=0.6), judgement()], 1, 2),
+        # One that keeps the bars wins, though its shortfall, 0.6, is more than log2 (0.55 / 0.5).
+        ([judgement(pixels=0.55), judgement(pixels=0.55), *[judgement(hidden=3)] * 2], 2, 4),
+    ],
+)
+def test_freed_pins_that_keep_the_bars_win(monkeypatch, freed, taken, count):
+    solved = []
+
+    def fake(problem, report, way):
+        solved.append(way)
+        return AimResult((PATCH,), np.zeros(10), np.zeros(10), len(solved))
+
+    monkeypatch.setattr(rounds, "solve", fake)
+    hidden = judgement(hidden=4)
+    best = rounds.solve_in_rounds(
+        PROBLEM,
+        lambda result: hidden,
+        OLD,
+        free=lambda found: (PROBLEM, lambda result: freed[result.steps - 2]),
+    )
+    assert best.judgement is freed[taken] and len(solved) == 1 + count
