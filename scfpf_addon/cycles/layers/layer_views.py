@@ -22,6 +22,7 @@ from ..hidden_surfaces import has_rendered
 from ..rig_data import rigs
 from .layer_eyes import View
 from .layer_things import FoundThings, find_things
+from .opaque_things import is_all_opaque
 from .passing_scene import PassingScene
 from .shown_pixels import within
 
@@ -34,7 +35,8 @@ class ReadViews:
     """An image with layers: numbers and arrays only.
 
     size: in pixels. views: of the image and of each layer, by number. layers: as read. things: of the layers.
-    blurs: whether things may show beyond their places: by motion, or by a lens in any view.
+    blurs: whether things may show beyond their places: by motion, or by a lens in any view. is_opaque: whether
+    no camera ray passes what it meets.
     """
 
     size: tuple[int, int]
@@ -42,6 +44,7 @@ class ReadViews:
     layers: ReadLayers
     things: FoundThings
     blurs: bool
+    is_opaque: bool
     filter_width: float
 
     def bounds(self, number: int) -> tuple[Box, Hull] | None:
@@ -148,5 +151,6 @@ def _read(depsgraph, camera, size: tuple[int, int]) -> ReadViews:
         layers=layers,
         things=find_things(depsgraph, layers.members, halos),
         blurs=scene.render.use_motion_blur or any(lenses),
+        is_opaque=is_all_opaque(depsgraph),
         filter_width=scene.cycles.filter_width,
     )

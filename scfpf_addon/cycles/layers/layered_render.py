@@ -106,7 +106,7 @@ class LayeredRender:
         shot = yield from self._colors("the picture", whole, read, 0)
         keys = np.full((1, 1, 1), np.inf)
         if compared is not None:
-            keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
+            keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read, 0)))
         first = self._first_keys(read, 0, shot, shot.is_hit)
         return ShownPixels(whole, shot.color, compared or Border(0, 0, 1, 1), keys, shot.passes, first)
 
@@ -120,7 +120,7 @@ class LayeredRender:
         shot = yield from self._colors(name, window, read, number)
         own = within(shot.color[..., 3] > 0.0, window)
         if layer.front == "DEPTH" and own is not None:
-            keys = self._keys(read, number, *(yield from self._places(name, own, read)))
+            keys = self._keys(read, number, *(yield from self._places(name, own, read, number)))
             keys = padded(keys, own, window, len(keys))
         if layer.halo > 0.0:
             place, is_near = yield from self._halo(read, number, window, shot)
@@ -152,7 +152,7 @@ class LayeredRender:
         """
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}', its halo"
         self._passing.show((0, number), read.beyond(number), held_out=number)
-        place, is_seen = yield from self._places(name, window, read)
+        place, is_seen = yield from self._places(name, window, read, number)
         box = read.box(number)
         distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
         nearness = is_seen * layer.halo_share(distance)
@@ -177,10 +177,12 @@ class LayeredRender:
         return Shot(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
 
     def _places(
-        self, name: str, window: Border, read: ReadViews
+        self, name: str, window: Border, read: ReadViews, number: int
     ) -> Generator[str, None, tuple[Array, BoolArray]]:
         """Render positions (3, S, H, W) at S places of each pixel, and whether anything is there."""
-        with self._passing.located(window, read.size):
+        # Rigs are made of materials.
+        is_plain = read.is_opaque and read.views[number].place is not None
+        with self._passing.located(window, read.size, is_plain):
             yield f"{name}, distances"
             found = read_passes(self._passing.path, (COMBINED, POSITION))
             place, alpha = found[POSITION].values.astype(np.float64), found[COMBINED].values[..., 3:]

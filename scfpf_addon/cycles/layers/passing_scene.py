@@ -24,6 +24,8 @@ from .switched_passes import SwitchedPasses
 
 # The name of the copy's only view layer, by which its passes are found.
 LAYER = "Layers"
+# The name of the material of renders of positions.
+PLAIN = "SCFPF Positions"
 FORMAT = {
     "media_type": "MULTI_LAYER_IMAGE",
     "file_format": "OPEN_EXR_MULTILAYER",
@@ -59,6 +61,7 @@ class PassingScene:
         self._made: list[str] = []
         self._groups: list[str] = []
         self._beyond: dict[frozenset[int], str] = {}
+        self._plain = ""
         copy[PASSING_KEY] = True
         layer = copy.view_layers[view_layer.name]
         for other in copy.view_layers[:]:
@@ -153,19 +156,37 @@ class PassingScene:
                     self.passes.switch_off(self.scene.view_layers[0])
 
     @contextmanager
-    def located(self, window: Border, size: tuple[int, int]):
-        """Render the positions at KEY_SIDE × KEY_SIDE places of some pixels of an image of a size."""
+    def located(self, window: Border, size: tuple[int, int], is_plain: bool):
+        """Render the positions at KEY_SIDE × KEY_SIDE places of some pixels of an image of a size.
+
+        is_plain: whether materials make no difference to them: computing these would take most of the time.
+        """
         scene = self.scene
+        layer = scene.view_layers[0]
         places = ((scene.render, name) for name in ("resolution_x", "resolution_y", "resolution_percentage"))
-        film = (scene.render, "film_transparent")
-        with self._kept(film, *places, *((scene.cycles, name) for name in QUICK)):
+        more = (scene.render, "film_transparent"), (layer, "material_override")
+        with self._kept(*more, *places, *((scene.cycles, name) for name in QUICK)):
             scene.render.film_transparent = True
+            if is_plain:
+                layer.material_override = self._plain_material()
             scene.render.resolution_percentage = 100
             scene.render.resolution_x, scene.render.resolution_y = (n * KEY_SIDE for n in size)
             for name, value in QUICK.items():
                 setattr(scene.cycles, name, value)
             self._frame(Border(*(end * KEY_SIDE for end in window)), tuple(n * KEY_SIDE for n in size))
             yield
+
+    def _plain_material(self):
+        """An opaque material that takes no light."""
+        material = self._plain and bpy.data.materials.get((self._plain, None))
+        if not material:
+            material = bpy.data.materials.new(PLAIN)
+            material.use_nodes = True  # from 5.0 every material has a tree, and the switch is deprecated
+            self._plain, tree = material.name, material.node_tree
+            tree.nodes.clear()
+            glow, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial"))
+            tree.links.new(glow.outputs[0], output.inputs["Surface"])
+        return material
 
     @contextmanager
     def _kept(self, *properties):
@@ -190,14 +211,15 @@ class PassingScene:
         render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = ends
 
     def remove(self) -> None:
-        """Remove the copy and its collections and files."""
+        """Remove the copy, its collections, its material and its files."""
         scene = self.scene
         made = [bpy.data.collections.get((name, None)) for name in self._made]
         if scene is not None:
             # Cycles frees the data that it has kept for further renders.
             scene.render.use_persistent_data = False
             bpy.data.scenes.remove(scene)
-        bpy.data.batch_remove([group for group in made if group is not None])
+        plain = bpy.data.materials.get((self._plain, None)) if self._plain else None
+        bpy.data.batch_remove([each for each in (*made, plain) if each is not None])
         shutil.rmtree(self._folder, ignore_errors=True)
 
 

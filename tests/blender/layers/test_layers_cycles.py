@@ -376,3 +376,107 @@ def test_a_layer_shows_a_collection_of_a_library(scene, tmp_path):
     assert add("ORDER", "Guests").collection.library is not None
     off = np.abs(layered() - wanted).max(axis=2)
     assert (own[..., 3] == 1).mean() > 0.03 and off[solid].max() < 1e-4
+
+
+@pytest.mark.parametrize("halo", [0.0, 1.0])
+@pytest.mark.parametrize("front", ["DEPTH", "ANCHOR"])
+def test_distances_without_materials_are_those_with_them(scene, addon, monkeypatch, front, halo):
+    new_camera("Side", looking((-5, -6, 5), (-0.8, 0, 0)))
+    bpy.data.objects["Thing"].location.z = 0.4
+    add(front).halo = halo
+    passing, located = addon("cycles.layers.passing_scene").PassingScene, []
+    original = passing.located
+
+    def noted(self, window, size, is_plain):
+        located.append(is_plain)
+        return original(self, window, size, is_plain)
+
+    monkeypatch.setattr(passing, "located", noted)
+    plain = layered()
+    assert located and all(located)
+    monkeypatch.setattr(addon("cycles.layers.layer_views"), "is_all_opaque", lambda depsgraph: False)
+    located.clear()
+    np.testing.assert_array_equal(layered(), plain)
+    assert located and not any(located)
+
+
+def principled(material):
+    return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def lead(material, kind, socket="Surface"):
+    """Lead a new node to the output of a material."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
+    links.new(nodes.new(f"ShaderNode{kind}").outputs[0], output.inputs[socket])
+
+
+def group(material):
+    """Mix a transparent shader in a group into the material."""
+    tree = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    through = tree.nodes.new("ShaderNodeBsdfTransparent")
+    tree.links.new(through.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    nodes = material.node_tree.nodes
+    node = nodes.new("ShaderNodeGroup")
+    node.node_tree = tree
+    output = next(each for each in nodes if each.type == "OUTPUT_MATERIAL")
+    material.node_tree.links.new(node.outputs[0], output.inputs["Surface"])
+
+
+def displace(material):
+    material.displacement_method = "DISPLACEMENT"
+    lead(material, "Displacement", "Displacement")
+
+
+def unlink(material):
+    material.node_tree.links.clear()
+
+
+OPAQUE = {
+    "as it is": lambda material: None,
+    "diffuse": lambda material: lead(material, "BsdfDiffuse"),
+    "glass": lambda material: lead(material, "BsdfGlass"),
+    "a bump": lambda material: lead(material, "Displacement", "Displacement"),
+}
+OPEN = {
+    "alpha": lambda material: setattr(principled(material).inputs["Alpha"], "default_value", 0.5),
+    "linked alpha": lambda material: material.node_tree.links.new(
+        material.node_tree.nodes.new("ShaderNodeTexNoise").outputs[0], principled(material).inputs["Alpha"]
+    ),
+    "transparent": lambda material: lead(material, "BsdfTransparent"),
+    "hole": lambda material: lead(material, "Holdout"),
+    "group": group,
+    "volume": lambda material: lead(material, "VolumeScatter", "Volume"),
+    "displaced": displace,
+    "no surface": unlink,
+    "catcher": lambda material: setattr(bpy.data.objects["Floor"], "is_shadow_catcher", True),
+    "clear glass": lambda material: setattr(bpy.context.scene.cycles, "film_transparent_glass", True),
+}
+
+
+@pytest.mark.parametrize(("change", "is_opaque"), [*((c, True) for c in OPAQUE), *((c, False) for c in OPEN)])
+def test_what_lets_rays_through(scene, addon, change, is_opaque):
+    material = bpy.data.materials.new("Coat")
+    material.use_nodes = True
+    bpy.data.objects["Thing"].data.materials.append(material)
+    (OPAQUE | OPEN)[change](material)
+    find = addon("cycles.layers.opaque_things").is_all_opaque
+    render = addon("bridge.scene.render_depsgraph").with_render_depsgraph
+    assert render(scene, scene.view_layers[0], find) is is_opaque
+
+
+def test_a_pane_is_seen_through_where_distances_count(scene):
+    for name, color in (("Thing", (1, 0, 0)), ("Wall", (0, 1, 0)), ("Floor", (0, 0, 1))):
+        glowing(name, color)
+    new_camera("Side", looking((-5, -6, 5), (-0.8, 0, 0)))
+    add("DEPTH")
+    wanted = layered()
+    bpy.ops.mesh.primitive_plane_add(location=(0, -7, 0), size=20, rotation=(np.pi / 2, 0, 0))
+    bpy.context.object.name = "Pane"
+    assert np.abs(layered() - wanted).mean() > 0.05
+    pane = bpy.data.materials.new("Pane")
+    pane.use_nodes = True
+    lead(pane, "BsdfTransparent")
+    bpy.data.objects["Pane"].data.materials.append(pane)
+    assert np.abs(layered() - wanted).max() < 1e-5
