@@ -35,8 +35,8 @@ class ReadViews:
     """An image with layers: numbers and arrays only.
 
     size: in pixels. views: of the image and of each layer, by number. layers: as read. things: of the layers.
-    blurs: whether things may show beyond their places: by motion, or by a lens in any view. is_opaque: whether
-    no camera ray passes what it meets.
+    blurs: whether things may show beyond their places: by motion, or by a lens in any view. is_opaque: if no
+    camera ray passes what it meets.
     """
 
     size: tuple[int, int]

@@ -75,6 +75,15 @@ def test_cells_are_counted_modulo_a_byte_without_harm():
         assert not (held & ~grid.holds(low, high)).any()
 
 
+def test_boxes_over_as_many_full_cells_as_a_byte_forgets_are_held():
+    cells = np.ones((32, 32, 4), bool)
+    whole = occupancy.integral_image(cells[::FINER, ::FINER, ::FINER])
+    grid = Occupancy(whole, occupancy.integral_image(cells, np.uint8), np.zeros(3), np.ones(3))
+    for size in ((16, 16, 1), (32, 8, 1), (32, 32, 4)):
+        low, high = np.full((3, 1), 0.1), (np.array(size)[:, None] - 0.5) / FINER
+        assert grid.holds_finely(low, high).all()
+
+
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize(("degree", "angle"), [(2, 1.0), (3, 3.0), (5, 0.5)])
 @pytest.mark.parametrize("columns", [WIDTH, None])
