@@ -3,12 +3,13 @@
 
     python3 dev.py bench --layers [--quick] [--only engine|cycles]
 
-The car is shown by an ordinary camera from its side, and unfolded by a volume, without and with a halo of
-ground; its layer, the halo included, is made as large as SHARE of the picture. Each picture is rendered
-without and with the layer by turns, by the engine and by Cycles, at each of SIZES, and the whole picture by
-the layer's camera alone: its time times the layer's share is the camera's own price, without which no layer
-can be. The median of the ratios of processor time counts. A rig that Cycles needs is made anew for each
-picture with the layer.
+The car is shown by the picture's own camera, where nothing in the picture changes; by another ordinary camera,
+from its side; and unfolded by a volume. The last two show it larger than the picture does, so that its pixels,
+which reflect, are paid for too. Each layer, its halo of ground included, is made as large as SHARE of the
+picture. Each picture is rendered without and with the layer by turns, by the engine and by Cycles, at each of
+SIZES, and the whole picture by the layer's camera alone: its time times the layer's share is the camera's own
+price, without which no layer can be. The median of the ratios of processor time counts. A rig that Cycles
+needs is made anew for each picture with the layer.
 """
 
 from __future__ import annotations
@@ -50,20 +51,48 @@ def from_the_side():
     return scene
 
 
-CASES = {"ordinary camera": from_the_side, "unfolded": both_sides}
+def by_its_own_camera():
+    """The car from its left, by the picture's own camera: the picture is the same without the layer."""
+    import bpy
+
+    scene = render_demo.build_street()
+    scene.camera = add_camera(scene, "Street", (-9.0, -7.0, 2.5), (0.0, 0.0, 0.8), 50.0)
+    eye = scene.camera.copy()
+    scene.collection.objects.link(eye)
+    add_layer(scene.camera, "Car", eye)
+    bpy.context.view_layer.update()
+    return scene
+
+
+CASES = {"own camera": by_its_own_camera, "ordinary camera": from_the_side, "unfolded": both_sides}
 
 
 def fit(camera) -> float:
-    """Scale the camera's layer to SHARE of the picture; returns the share that it then has."""
+    """Scale the camera's layer to SHARE of the picture; returns the share that it then has.
+
+    The layer of a twin, which has the camera's own lens, is scaled by that.
+    """
     import bpy
 
     (layer,) = camera.scfpf.layers
     for _ in range(3):
-        if bpy.ops.scfpf.layer_check(camera=camera.name) != {"FINISHED"}:
-            sys.exit("The layer could not be checked; the lines above say why.")
-        scale = (SHARE / layer.share) ** 0.5
-        layer.size = layer.size[0] * scale, layer.size[1] * scale
-    bpy.ops.scfpf.layer_check(camera=camera.name)
+        scale = (SHARE / checked_share(camera)) ** 0.5
+        if layer.camera.data == camera.data:
+            camera.data.lens *= scale
+            select_only(camera)
+            bpy.ops.scfpf.camera_from_camera()
+        else:
+            layer.size = layer.size[0] * scale, layer.size[1] * scale
+    return checked_share(camera)
+
+
+def checked_share(camera) -> float:
+    """The share of the picture that the camera's layer has."""
+    import bpy
+
+    if bpy.ops.scfpf.layer_check(camera=camera.name) != {"FINISHED"}:
+        sys.exit("The layer could not be checked; the lines above say why.")
+    (layer,) = camera.scfpf.layers
     return layer.share
 
 
