@@ -5,11 +5,11 @@
 
 The car is shown by the picture's own camera, where the picture stays the same; by another ordinary camera,
 from its side; and unfolded by a volume. The last two show it larger than the picture does, so that its
-pixels, which reflect, are paid for too. Each layer, its halo of ground included, is made as large as SHARE of
-the picture. Each picture is rendered without and with the layer by turns, by the engine and by Cycles, at each of
-SIZES, and the whole picture by the layer's camera alone: its time times the layer's share is the camera's own
-price, without which no layer can be. The median of the ratios of processor time counts. A rig that Cycles
-needs is made anew for each picture with the layer.
+pixels, which reflect, are paid for too. Each layer, its halo of ground included, is made as large as SHARE
+of the picture. Each picture is rendered without and with the layer by turns, by the engine and by Cycles,
+at each of SIZES, and the whole picture by the layer's camera alone: its time times the layer's share is the
+camera's own price, without which no layer can be. The median of the ratios of processor time counts. A rig
+that Cycles needs is made anew for each picture with the layer.
 """
 
 from __future__ import annotations
