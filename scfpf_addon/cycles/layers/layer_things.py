@@ -14,7 +14,7 @@ from ...bridge.scene.read_visibility import ShownInRenders, has_hair
 from ...casting.common.ray_visibility import CAMERA
 from ...casting.layers.layer_parts import DIRECTIONS, Box, Hull
 from ...projection.typing import Array
-from ..skipping.reasons import links
+from ..skipping.reasons import displaces
 
 
 @dataclass
@@ -109,9 +109,4 @@ def _is_open(obj, scene) -> bool:
     subdivided = (each for each in obj.modifiers if each.type == "SUBSURF" and each.show_render)
     if any(versions.is_subdivided_adaptively(each, obj, scene) for each in subdivided):
         return True
-    return any(
-        slot.material is not None
-        and slot.material.displacement_method != "BUMP"
-        and links(slot.material, "OUTPUT_MATERIAL", "Displacement")
-        for slot in obj.material_slots
-    )
+    return any(displaces(slot.material) for slot in obj.material_slots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..skipping.reasons import has_volume, links
+from ..skipping.reasons import displaces, has_volume, links
 from .layer_things import NO_THINGS
 
 # Nodes of shaders through which no camera ray passes, or that mix others.
@@ -45,9 +45,8 @@ def _lets_through(datablock, known: dict[int, bool]) -> bool:
         return datablock.type == "VOLUME" or (datablock.is_shadow_catcher and datablock.type not in NO_THINGS)
     if not isinstance(datablock, bpy.types.Material) or datablock.node_tree is None:
         return False
-    moves = datablock.displacement_method != "BUMP" and links(datablock, "OUTPUT_MATERIAL", "Displacement")
     return (
-        moves
+        displaces(datablock)
         or links(datablock, "OUTPUT_MATERIAL", "Volume")
         or not links(datablock, "OUTPUT_MATERIAL", "Surface")
         or not _is_opaque(datablock.node_tree, known)

@@ -51,10 +51,15 @@ def _displacing(scene) -> str:
     """The name of a material that displaces surfaces; empty if the file has none."""
     overrides = [layer.material_override for layer in scene.view_layers]
     for material in (*overrides, *bpy.data.materials):
-        moves_faces = material is not None and material.displacement_method != "BUMP"
-        if moves_faces and links(material, "OUTPUT_MATERIAL", "Displacement"):
+        if displaces(material):
             return material.name
     return ""
+
+
+def displaces(material) -> bool:
+    """Return whether a material, None for none, moves the faces that have it."""
+    moves_faces = material is not None and material.displacement_method != "BUMP"
+    return moves_faces and links(material, "OUTPUT_MATERIAL", "Displacement")
 
 
 def links(owner, output: str, socket: str) -> bool:
