@@ -41,6 +41,8 @@ PACKAGES = (
     *("python3-numpy", "python3-cattr", "python3-requests", "python3-zstandard"),
 )
 NEEDED_BYTES = 4e9
+# How the names of Blender's reports of crashes end, and the lines of a report that are shown.
+CRASH, LAST_LINES = ".crash.txt", 40
 # What lies beside the scenarios: those of the recipes perform what the pages tell.
 BESIDE = MappingProxyType({name: ROOT / name for name in ("demo", "presets")})
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
@@ -334,16 +336,19 @@ def run(
             status = None
         finally:
             shutil.copytree(shots, into, dirs_exist_ok=True)
-    return outcome(found.title, into / "results.txt", status, time.monotonic() - began)
+            for report in home.rglob(f"*{CRASH}"):
+                shutil.copy(report, into)
+    return outcome(found.title, into, status, time.monotonic() - began)
 
 
 def outcome(
-    title: str, results: pathlib.Path, status: int | None, seconds: float
+    title: str, folder: pathlib.Path, status: int | None, seconds: float
 ) -> tuple[list[Result], list[str]]:
-    """The counts in the driver's file. status: Blender's exit code, or None if the time ran out.
+    """The counts in the driver's folder. status: Blender's exit code, or None if the time ran out.
 
-    Scenarios that were not run count as failed.
+    Scenarios that were not run count as failed. The warnings tell where Blender was when it crashed.
     """
+    results = folder / "results.txt"
     lines = results.read_text(encoding="utf-8").splitlines() if results.is_file() else []
     planned = [name for line in lines[:1] for name in line.split()[1:]]
     went = {line.split()[1]: line.startswith("ok:") for line in lines[1:]}
@@ -357,4 +362,8 @@ def outcome(
         warnings.append(f"NOT tested in a Blender with a window, since the time ran out: {rest}")
     elif left or (status != 0 and not failed):
         title += f", ended with exit code {status} in {left[0] if left else 'its start or end'}"
+        for report in (folder / "output.txt", *sorted(folder.glob(f"*{CRASH}"))):
+            if report.is_file():
+                said = report.read_text(encoding="utf-8", errors="replace").splitlines()[-LAST_LINES:]
+                warnings.append("\n".join((f"the end of {report.name}:", *said)))
     return [Result(title, passed, failed + len(left), 0, status == 0 and not failed and not left)], warnings

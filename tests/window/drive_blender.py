@@ -163,6 +163,8 @@ def main() -> None:
     folder = pathlib.Path(options.folder).absolute()
     folder.mkdir(parents=True, exist_ok=True)
     output = Output(folder / "output.txt")
+    # A crash tells where Python was; Blender's own report of it follows.
+    faulthandler.enable()
     try:
         enable_extension(options.zip)
         scenarios = collect(options.scenarios)
