@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..projection.arrays import put_columns
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.bezier import restrict
 from ..projection.volume.viewing_volume import Projection
@@ -128,7 +129,7 @@ class TileProjectors:
         weights = self.scene.clipped_barycentric(curves.place(t), records.triangle)
         hits.t[met] = t
         hits.triangle[met] = np.where(found.inside, found.triangle, records.triangle)
-        hits.barycentric[:, met] = np.where(found.inside, found.barycentric, weights)
+        put_columns(hits.barycentric, met, np.where(found.inside, found.barycentric, weights))
         return hits
 
     def _first_chords(
@@ -149,7 +150,7 @@ class TileProjectors:
             some = batch.points.take(rays, 2)
             start, end = (np.einsum("k,kcn->cn", ends[chord + k], some) for k in (0, 1))
             inside = first[rays] > low
-            start = np.where(inside, begin[:, rays], start)
+            start = np.where(inside, begin.take(rays, 1), start)
             origins, ways = start.astype(np.float32), (end - start).astype(np.float32)
             limits = np.full(len(rays), 1.0 + OVERLAP, np.float32)
             found = self.scene.mesh.trace(origins, ways, limits)
@@ -157,7 +158,7 @@ class TileProjectors:
             if len(hit):
                 met = rays[hit]
                 triangle[met], chord_of[met] = found[hit], chord
-                far = self.scene.mesh.trace_distance(origins[:, hit], ways[:, hit], limits[hit])
+                far = self.scene.mesh.trace_distance(origins.take(hit, 1), ways.take(hit, 1), limits[hit])
                 since = np.maximum(first[met], low)
                 share[met] = since + np.minimum(far, 1.0) * (high - since)
         met = np.flatnonzero(triangle >= 0)

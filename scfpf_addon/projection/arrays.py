@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .typing import Array, IndexArray
 
@@ -33,6 +36,16 @@ def transform(matrix: Array, vectors: Array, offset: Array | None = None) -> Arr
     if offset is not None:
         result += offset[:, None]
     return result
+
+
+def put_columns(target: NDArray[Any], where: slice | IndexArray, values: NDArray[Any]) -> None:
+    """Store columns (K, n) at ``where`` in ``target`` (K, N).
+
+    Row by row: NumPy takes twice as long for all rows at once. It takes four times as long to read columns
+    by an index, instead of by ``take``, whose result also is contiguous.
+    """
+    for row, own in zip(target, values, strict=True):
+        row[where] = own
 
 
 def product(a: Array, b: Array) -> Array:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.arrays import put_columns
 from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray, IndexArray
 
@@ -65,8 +66,9 @@ class Hits(NamedTuple):
     def put(self, where: slice | IndexArray, part: Hits) -> None:
         """Store ``part`` at ``where``."""
         self.t[where], self.triangle[where], self.mask[where] = part.t, part.triangle, part.mask
-        self.barycentric[:, where], self.position[:, where] = part.barycentric, part.position
-        self.tangent[:, where] = part.tangent
+        put_columns(self.barycentric, where, part.barycentric)
+        put_columns(self.position, where, part.position)
+        put_columns(self.tangent, where, part.tangent)
 
 
 @dataclass

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...projection.arrays import put_columns
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.basis import SpanBasis
 from ..common.hits import Hits
@@ -46,7 +47,7 @@ class Solutions(NamedTuple):
         there = where[which]
         self.t[there] = found.t[which]
         self.triangle[there] = found.triangle[which]
-        self.barycentric[:, there] = found.barycentric[:, which]
+        put_columns(self.barycentric, there, found.barycentric.take(which, 1))
         self.inside[there] = found.inside[which]
 
     def store(self, hits: Hits, projector: IndexArray) -> None:

@@ -250,9 +250,9 @@ def _piecewise(coefficients: Array, slopes: Array) -> Array:
     low, high = heights[:-1], heights[1:]
     crossed = (np.signbit(low) != np.signbit(high)) | (low == 0.0) | (high == 0.0)
     crossed &= (breaks[1:] > breaks[:-1]) & ((low != 0.0) | (high != 0.0))
-    curve = np.nonzero(crossed)[1]
+    curve: IndexArray = np.nonzero(crossed)[1]
     roots = np.full(low.shape, np.nan)
-    roots[crossed] = _bracketed(coefficients[:, curve], breaks[:-1][crossed], breaks[1:][crossed])
+    roots[crossed] = _bracketed(coefficients.take(curve, 1), breaks[:-1][crossed], breaks[1:][crossed])
     return np.sort(roots, axis=0)
 
 

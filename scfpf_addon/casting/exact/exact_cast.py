@@ -171,7 +171,7 @@ def _meet_at_start(traversal: Traversal, alive: NDArray[np.intp]) -> None:
             origin = start + axis[:, None] * gone
             found, far = traversal.trace(origin, way, (1.0 - gone / length).astype(np.float32))
             met = np.flatnonzero(found >= 0)
-            projector, start = projector[met], start[:, met]
+            projector, start = projector[met], start.take(met, 1)
             meet(traversal, projector, np.zeros(len(met), np.intp), found[met])
             gone = gone[met] + far[met] * length + RESTART
     # Among many small triangles a way out of one prism skips others.
@@ -222,8 +222,8 @@ def _skipped_prisms(
         numbers.append(ray)
         triangles.append(triangle)
         far = far[other] + SLIGHT
-        way, limits = way[:, other], limits[other] - far
-        start = start[:, other] - way * far
+        way, limits = way.take(other, 1), limits[other] - far
+        start = start.take(other, 1) - way * far
     if not numbers:
         return np.empty(0, np.intp), np.empty(0, np.int32)
     return np.concatenate(numbers), np.concatenate(triangles)
@@ -260,7 +260,7 @@ def _meet_passed_over(traversal: Traversal, rays: Rays, triangle: NDArray[np.int
             break
         before = traversal.hits.t[projector[other]]
         # In float32 a hit may be on the other side of an edge.
-        across = traversal.scene.neighbours[:, found[other]].ravel()
+        across = traversal.scene.neighbours.take(found[other], 1).ravel()
         fresh, there = other[found[other] != triangle[other]], across >= 0
         pairs = np.concatenate([fresh, np.tile(other, 3)[there]])
         meet(traversal, projector[pairs], span[pairs], np.concatenate([found[fresh], across[there]]))
@@ -272,4 +272,4 @@ def _meet_passed_over(traversal: Traversal, rays: Rays, triangle: NDArray[np.int
             far = traversal.scene.mesh.trace_distance(origins[:, lost], ways[:, lost], limits)
             start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
         projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
-        start, curves = start[:, other], curves.take(other)
+        start, curves = start.take(other, 1), curves.take(other)

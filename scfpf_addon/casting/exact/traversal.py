@@ -165,7 +165,7 @@ def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tupl
         rays.projector[which],
         chord,
         np.where(here, rays.share[which], 0.0),
-        np.where(here, rays.last[:, which], np.int32(-1)),
+        np.where(here, rays.last.take(which, 1), np.int32(-1)),
     )
     found, share = _cast(traversal, fresh)
     first = first_hits(found, which, len(along))

@@ -89,7 +89,7 @@ class Hull:
         """
         points, exist = projectors
         which, met = np.flatnonzero(exist), np.zeros(len(exist), bool)
-        points, enters, leaves = points[..., which], np.zeros(len(which)), np.ones(len(which))
+        points, enters, leaves = points.take(which, 2), np.zeros(len(which)), np.ones(len(which))
         is_met = np.ones(len(which), bool)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             for direction, low, high in zip(DIRECTIONS, self.low - around, self.high + around, strict=True):
@@ -107,8 +107,9 @@ class Hull:
                     is_met &= enters <= leaves + SLACK
                 if np.count_nonzero(is_met) < DENSE * len(which):
                     # Most projectors miss the first slabs: the others go on.
-                    which, points = which[is_met], points[..., is_met]
-                    enters, leaves = enters[is_met], leaves[is_met]
+                    kept = np.flatnonzero(is_met)
+                    which, points = which[kept], points.take(kept, 2)
+                    enters, leaves = enters[kept], leaves[kept]
                     is_met = np.ones(len(which), bool)
         met[which[is_met]] = True
         return met

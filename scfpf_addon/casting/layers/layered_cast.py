@@ -215,7 +215,7 @@ class LayeredCast:
         for _ in range(MOST_PASSED):
             there = hits.triangle[beyond]
             beyond = beyond[(there >= 0) & (self.parts.numbers.take(there) != number)]
-            share = layer.halo_share(part.box.distance(hits.position[:, beyond]))
+            share = layer.halo_share(part.box.distance(hits.position.take(beyond, 1)))
             beyond = beyond[share <= _chances(tile.x[which[beyond]], tile.y[which[beyond]])]
             if not len(beyond):
                 return

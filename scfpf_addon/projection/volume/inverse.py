@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import put_columns
 from ..typing import Array, BoolArray, IndexArray
 from .viewing_volume import Projection, ViewingVolume
 
@@ -94,12 +95,13 @@ def invert(
         if not cloud.usable:
             break
         if counts is not SAMPLES[0]:
-            open_ = open_[cloud.may_reach(points[:, open_])]
+            open_ = open_[cloud.may_reach(points.take(open_, 1))]
         block = max(1, PAIRS // len(cloud.lost))
         for first in range(0, len(open_), block):
             chosen = open_[first : first + block]
-            owner, seeds = cloud.seeds(points[:, chosen], starts)
-            result[:, chosen] = search.nearest(points[:, chosen], owner, seeds)
+            some = points.take(chosen, 1)
+            owner, seeds = cloud.seeds(some, starts)
+            put_columns(result, chosen, search.nearest(some, owner, seeds))
         open_ = open_[np.isnan(result[2, open_])]
     u, v, t = result * extent[:, None] + low[:, None]
     return Inverse(u, v, t, ~np.isnan(t))
@@ -123,8 +125,9 @@ def follow(
     points = np.ascontiguousarray(positions, np.float64)
     usable = np.flatnonzero(np.isfinite(points).all(axis=0) & np.isfinite(start).all(axis=0))
     result = np.full(points.shape, np.nan)
-    shares, accepted = search.newton(points[:, usable], (start[:, usable] - low[:, None]) / extent[:, None])
-    result[:, usable[accepted]] = shares[:, accepted]
+    starts = (start.take(usable, 1) - low[:, None]) / extent[:, None]
+    shares, accepted = search.newton(points.take(usable, 1), starts)
+    put_columns(result, usable[accepted], shares.compress(accepted, 1))
     u, v, t = result * extent[:, None] + low[:, None]
     return Inverse(u, v, t, ~np.isnan(t))
 
@@ -163,12 +166,12 @@ class _Search:
 
         points: (3, N). owner: (S,) the point that each start is for. shares: (3, S) the starts.
         """
-        solved, accepted = self.newton(points[:, owner], shares)
+        solved, accepted = self.newton(points.take(owner, 1), shares)
         result = np.full(points.shape, np.nan)
-        owner, solved = owner[accepted], np.clip(solved[:, accepted], 0.0, 1.0)
+        owner, solved = owner[accepted], np.clip(solved.compress(accepted, 1), 0.0, 1.0)
         # The last one written wins: that of least t.
         order = np.argsort(-solved[2], kind="stable")
-        result[:, owner[order]] = solved[:, order]
+        put_columns(result, owner[order], solved.take(order, 1))
         return result
 
     def newton(self, points: Array, shares: Array) -> tuple[Array, BoolArray]:
@@ -178,34 +181,36 @@ class _Search:
         accepted = np.zeros(len(sample.valid), bool)
         # All that still move: their numbers, samples, distances to the point and shares of a step.
         moving = np.flatnonzero(sample.valid)
-        position, jacobian = sample.position[:, moving], sample.jacobian[..., moving]
+        position, jacobian = sample.position.take(moving, 1), sample.jacobian.take(moving, 2)
         part = np.ones(len(moving))
         for _ in range(NEWTON_STEPS):
             if not len(moving):
                 break
-            missing = points[:, moving] - position
+            wanted, before = points.take(moving, 1), shares.take(moving, 1)
+            missing = wanted - position
             distance = _length(missing)
             step = _solve(jacobian, missing)
             longest = np.abs(step).max(axis=0)
             done = longest <= CONVERGED
             step *= part * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, LONGEST_STEP))
-            trial = np.clip(shares[:, moving] + step, -LONGEST_STEP, 1.0 + LONGEST_STEP)
+            trial = np.clip(before + step, -LONGEST_STEP, 1.0 + LONGEST_STEP)
             sample = self.sample(trial)
-            farther = ~sample.valid | (_length(points[:, moving] - sample.position) > distance)
+            farther = ~sample.valid | (_length(wanted - sample.position) > distance)
             taken = ~farther | ((part <= SHORTEST_SHARE) & sample.valid)
             done |= farther & (part <= SHORTEST_SHARE)
-            shares[:, moving] = np.where(taken, trial, shares[:, moving])
+            after = np.where(taken, trial, before)
+            put_columns(shares, moving, after)
             position = np.where(taken, sample.position, position)
             jacobian = np.where(taken, sample.jacobian, jacobian)
             part = np.where(farther, part / 2, np.minimum(1.0, 2 * part))
-            finished = moving[done]
-            accepted[finished] = self._is_solution(
-                points[:, finished], shares[:, finished], position[:, done], jacobian[..., done]
+            ended, on = np.flatnonzero(done), np.flatnonzero(~done)
+            accepted[moving[ended]] = self._is_solution(
+                *(each.take(ended, -1) for each in (wanted, after, position, jacobian))
             )
-            on = ~done
             moving, part = moving[on], part[on]
-            position, jacobian = position[:, on], jacobian[..., on]
-        accepted[moving] = self._is_solution(points[:, moving], shares[:, moving], position, jacobian)
+            position, jacobian = position.take(on, 1), jacobian.take(on, 2)
+        wanted, before = points.take(moving, 1), shares.take(moving, 1)
+        accepted[moving] = self._is_solution(wanted, before, position, jacobian)
         return shares, accepted
 
     def _is_solution(self, points: Array, shares: Array, position: Array, jacobian: Array) -> BoolArray:

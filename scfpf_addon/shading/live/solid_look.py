@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...projection.arrays import put_columns
 from ...projection.colors import linear_from_srgb, srgb_from_linear
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..settings.stylised_settings import Lines
@@ -203,14 +204,14 @@ def _base(frame: _Frame, some: slice | IndexArray, rows: IndexArray) -> tuple[Si
     cover = None if surfaces.is_opaque else surfaces.alpha.take(rows)
     if hits.color is not None and frame.look.wants_color:
         where = np.flatnonzero(surfaces.uses_attribute.take(rows))
-        base[:, where] = columns(hits.color, some)[:, where]
+        put_columns(base, where, columns(hits.color, some).take(where, 1))
     if frame.footprint is not None and hits.uv is not None and frame.look.textures is not None:
         image = surfaces.image.take(rows)
         where = np.flatnonzero(image >= 0)
         if len(where):
-            uv, footprint = columns(hits.uv, some)[:, where], frame.footprint[some][where]
+            uv, footprint = columns(hits.uv, some).take(where, 1), frame.footprint[some][where]
             values = frame.look.textures.sample(image[where], uv, footprint)
-            base[:, where] = values[:3]
+            put_columns(base, where, values[:3])
             if (values[3] < CUT_OUT).any():
                 cover = np.ones(len(rows), np.float32) if cover is None else cover
                 cover[where] *= values[3] >= CUT_OUT

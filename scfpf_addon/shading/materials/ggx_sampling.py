@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random reflections off rough surfaces, in proportion to the GGX facets that the viewer sees.
 
-Heitz 2018, Sampling the GGX distribution of visible normals. α is the square of Blender's roughness.
+Heitz 2018, Sampling the GGX distribution of visible normals; Dupuy and Benyoub 2023, Sampling visible GGX
+normals with spherical caps. α is the square of Blender's roughness.
 """
 
 from __future__ import annotations
@@ -27,22 +28,15 @@ def visible_normals(view: Array, alpha: Array, share: Array) -> Array:
 
     view: (3, n) unit, z >= 0. alpha: (n,). share: (2, n) random in [0, 1).
     """
-    stretched = unit(np.stack([alpha * view[0], alpha * view[1], view[2]]))
-    flat = np.hypot(stretched[0], stretched[1])
-    upright = flat < 1e-9
-    safe = np.where(upright, 1.0, flat)
-    nothing = np.zeros_like(flat)
-    first = np.stack(
-        [np.where(upright, 1.0, -stretched[1] / safe), np.where(upright, 0.0, stretched[0] / safe), nothing]
-    )
-    second = np.cross(stretched, first, axis=0)
-    radius, turn = np.sqrt(share[0]), 2.0 * np.pi * share[1]
-    across, along = radius * np.cos(turn), radius * np.sin(turn)
-    lift = 0.5 * (1.0 + stretched[2])
-    along = (1.0 - lift) * np.sqrt(np.maximum(1.0 - across**2, 0.0)) + lift * along
-    up = np.sqrt(np.maximum(1.0 - across**2 - along**2, 0.0))
-    facet = across * first + along * second + up * stretched
-    return unit(np.stack([alpha * facet[0], alpha * facet[1], np.maximum(facet[2], 1e-9)]))
+    facet = unit(np.stack([alpha * view[0], alpha * view[1], view[2]]))
+    # A mirror of the unit hemisphere reflects into a spherical cap, evenly.
+    up = 1.0 - share[0] * (1.0 + facet[2])
+    turn, out = 2.0 * np.pi * share[1], np.sqrt(np.maximum(1.0 - up**2, 0.0))
+    facet[0] += out * np.cos(turn)
+    facet[1] += out * np.sin(turn)
+    facet[2] = np.maximum(facet[2] + up, 1e-9)
+    facet[:2] *= alpha
+    return unit(facet)
 
 
 def smith_lambda(cosine: Array, alpha: Array) -> Array:

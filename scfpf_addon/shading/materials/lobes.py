@@ -81,29 +81,41 @@ def bodies(closures: ClosureRows) -> Materials:
 
 @dataclass(frozen=True)
 class RoughReflectance:
-    """The reflectance of rough surfaces at n hits.
+    """The reflectance of rough surfaces at n hits, of which the first m are on metals, the others on layers.
 
-    roughness: (n,). f0, f90: (3, n). multiscatter: (3, n) share of multiple scattering that leaves the
-    surface. ior: (n,) of a dielectric, which reflects by Fresnel; 0 for Schlick's blend of F0 and F90.
+    roughness: (n,). f0, f90: (3, m), which Schlick blends. ior: (n - m,) of the layers, which reflect by
+    Fresnel. again: (3, m) and (1, n - m) shares of multiple scattering that leave metals and layers.
     """
 
     roughness: Array
     f0: Array
     f90: Array
-    multiscatter: Array
     ior: Array
+    again: tuple[Array, Array]
 
     @classmethod
-    def of(cls, closures: ClosureRows, metal: BoolArray) -> RoughReflectance:
-        """The reflectance of the metals of closures where ``metal`` (n,), of their layers elsewhere."""
-        roughness, base = closures["roughness"][0], closures["base_color"]
-        f0 = np.where(metal, base, closures["f0"])
-        f90 = np.where(metal, base + (1.0 - base) * closures["grazing"], 1.0)
-        mean = f0 + (f90 - f0) * SCHLICK_MEAN
-        multiscatter = multiscatter_share(mean, mean_albedo(roughness)[0]) * closures["multiscatter"]
-        return cls(roughness, f0, f90, multiscatter, np.where(metal, 0.0, ior_of(closures["f0"][0])))
+    def of(cls, closures: ClosureRows, metals: int) -> RoughReflectance:
+        """The reflectance of closures (n,): of the metals of the first ``metals``, of the others' layers."""
+        roughness, layer_f0 = closures["roughness"][0], closures["f0"][:, metals:]
+        f0, grazing = closures["base_color"][:, :metals], closures["grazing"][:, :metals]
+        f90 = f0 + (1.0 - f0) * grazing
+        white, multiscatter = mean_albedo(roughness)[0], closures["multiscatter"]
+        means = f0 + (f90 - f0) * SCHLICK_MEAN, layer_f0 + (1.0 - layer_f0) * SCHLICK_MEAN
+        metal = multiscatter_share(means[0], white[:metals]) * multiscatter[:, :metals]
+        layer = multiscatter_share(means[1], white[metals:]) * multiscatter[:, metals:]
+        return cls(roughness, f0, f90, ior_of(layer_f0[0]), (metal, layer))
 
-    def at(self, cosine: Array) -> Array:
-        """The reflectance (3, n), by the cosine to the facet (n,)."""
-        schlick = self.f0 + (self.f90 - self.f0) * (1.0 - cosine) ** 5
-        return np.where(self.ior > 0.0, fresnel_dielectric(cosine, np.maximum(self.ior, 1.0)), schlick)
+    def at(self, cosine: Array, once: Array) -> Array:
+        """The reflectance (3, n), by the cosine to the facet (n,).
+
+        once: (n,) share of light that leaves a white surface after one facet. Light that facets send to each
+        other leaves in the same direction.
+        """
+        metals, more = self.f0.shape[1], (1.0 - once) / once
+        away = 1.0 - cosine[:metals]
+        schlick = self.f0 + (self.f90 - self.f0) * (away * away * away * away * away)
+        result = np.empty((3, len(cosine)))
+        result[:, :metals] = schlick * (1.0 + self.again[0] * more[:metals])
+        fresnel = fresnel_dielectric(cosine[metals:], self.ior)
+        result[:, metals:] = fresnel * (1.0 + self.again[1][0] * more[metals:])
+        return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...projection.arrays import put_columns
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..typing import Single
 
@@ -84,21 +85,22 @@ class AdaptiveFilm(Film):
         """Add one sample of any pixels (m,): the first of all of them, or of none; see ``Film.add``."""
         value = self._sample(shown, hit, color)
         if self._samples[pixel[0]] == 0.0:
-            self._first[:, pixel] = value
+            put_columns(self._first, pixel, value)
         else:
-            value -= self._first[:, pixel]
-            self._sum[:, pixel] += value
-            value *= value
-            self._squares[:, pixel] += value
+            value -= self._first.take(pixel, 1)
+            for total, square, own in zip(self._sum, self._squares, value, strict=True):
+                total[pixel] += own
+                own *= own
+                square[pixel] += own
         self._samples[pixel] += 1
 
     def uncertain(self, pixel: IndexArray, threshold: float) -> BoolArray:
         """Return whether the expected errors of the means of pixels (m,) exceed the threshold."""
         count = self._samples[pixel]
-        mean = self._sum[:, pixel] / count
-        squared = np.maximum(self._squares[:, pixel] / count - mean * mean, 0)
+        mean = self._sum.take(pixel, 1) / count
+        squared = np.maximum(self._squares.take(pixel, 1) / count - mean * mean, 0)
         error = np.sqrt(squared) * count**-CONVERGENCE
-        light = np.abs(mean + self._first[:, pixel])
+        light = np.abs(mean + self._first.take(pixel, 1))
         # Not a mean along an axis, whose order may depend on the length.
         color, bright = ((c[0] + c[1] + c[2]) / 3 for c in (error, light))
         allowed = threshold * np.sqrt(np.maximum(bright, DARK))
@@ -111,4 +113,4 @@ class AdaptiveFilm(Film):
 
     def develop(self, pixel: IndexArray, into: Single) -> None:
         """Write the means of any pixels (m,) into ``into`` (m, 4), premultiplied by alpha."""
-        into[:] = (self._first[:, pixel] + self._sum[:, pixel] / self._samples[pixel]).T
+        into[:] = (self._first.take(pixel, 1) + self._sum.take(pixel, 1) / self._samples[pixel]).T

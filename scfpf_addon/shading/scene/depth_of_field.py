@@ -117,7 +117,7 @@ class ThroughLens(Projection):
 
     def taken(self, which: IndexArray) -> Projection:
         """See ``Projection``."""
-        return replace(self, share=None if self.share is None else self.share[:, which])
+        return replace(self, share=None if self.share is None else self.share.take(which, 1))
 
 
 def through(projection: Projection, lens: DepthOfField, share: Array) -> ThroughLens:

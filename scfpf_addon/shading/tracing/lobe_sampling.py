@@ -101,7 +101,7 @@ class LobeSampler:
         direction, share, normal = unit(wave.hits.tangent), np.ones_like(lobes.tint), closures.normal
         flat = self.cast_scene.normals(wave.hits.triangle)
         flat *= -np.copysign(1.0, dot_row(flat, direction))
-        first, second, third = np.searchsorted(lobes.kind, (REFRACTED, MIRRORED, METAL))
+        first, second, third, fourth = np.searchsorted(lobes.kind, (REFRACTED, MIRRORED, METAL, LAYER))
         some = slice(first, second)
         bent = direction[:, some], normal[:, some], flat[:, some]
         direction[:, some] = refracted(*bent, lobes.ior[None, some])
@@ -110,7 +110,7 @@ class LobeSampler:
         some = slice(third, None)
         place = samples.at_depth(wave.pixel[some], wave.depth[TOTAL, some])
         rows = closures.rows.take(np.arange(third, len(lobes.kind)))
-        reflectance = RoughReflectance.of(rows, lobes.kind[some] == METAL)
+        reflectance = RoughReflectance.of(rows, fourth - third)
         ahead = direction[:, some]
         direction[:, some], share[:, some] = _reflect(
             ahead, normal[:, some], flat[:, some], reflectance, place
@@ -140,13 +140,13 @@ class LobeSampler:
                 continue
             last, going = np.flatnonzero(which & ends), which & ~ends
             if len(last):
-                found = first_triangles(scene, origin[:, last], direction[:, last])
+                found = first_triangles(scene, origin.take(last, 1), direction.take(last, 1))
                 seen = shown(found)
                 dark[last] = (found >= 0) & ~seen
                 going[last] = (found >= 0) & seen
             some = np.flatnonzero(going)
             if len(some):
-                met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
+                met.put(some, cast_rays(scene, origin.take(some, 1), direction.take(some, 1)))
         return met, dark
 
 
@@ -154,19 +154,18 @@ def _reflect(
     ahead: Array, normal: Array, flat: Array, reflectance: RoughReflectance, place: Array
 ) -> tuple[Array, Array]:
     """Directions (3, n) of reflections, sharp or rough, and the share (3, n) of light that counts."""
-    direction = mirrored(ahead, normal, flat)
-    cosine = np.clip(-dot_row(ahead, normal), 0.0, 1.0)[0]
+    direction, cosine = np.empty_like(ahead), np.clip(-dot_row(ahead, normal), 0.0, 1.0)[0]
     passed, once = np.ones_like(cosine), np.ones_like(cosine)
-    rough = np.flatnonzero(reflectance.roughness >= MIRROR_ROUGHNESS)
+    is_rough = reflectance.roughness >= MIRROR_ROUGHNESS
+    sharp, rough = np.flatnonzero(~is_rough), np.flatnonzero(is_rough)
+    if len(sharp):
+        direction[:, sharp] = mirrored(*(each.take(sharp, 1) for each in (ahead, normal, flat)))
     if len(rough):
-        roughness = reflectance.roughness[rough]
-        once[rough] = single_scatter_albedo(cosine[rough], roughness)
-        direction[:, rough], passed[rough], cosine[rough] = reflected(
-            ahead[:, rough], normal[:, rough], flat[:, rough], roughness, place[:, rough]
-        )
-    # Light that facets send to each other leaves in the same direction.
-    share = reflectance.at(cosine) * passed
-    return direction, share * (1.0 + reflectance.multiscatter * (1.0 - once) / once)
+        roughness = reflectance.roughness.take(rough)
+        once[rough] = single_scatter_albedo(cosine.take(rough), roughness)
+        seen, own, face, share = (each.take(rough, 1) for each in (ahead, normal, flat, place))
+        direction[:, rough], passed[rough], cosine[rough] = reflected(seen, own, face, roughness, share)
+    return direction, reflectance.at(cosine, once) * passed
 
 
 def mirrored(ahead: Array, normal: Array, flat: Array) -> Array:

@@ -58,11 +58,11 @@ class PathWave(NamedTuple):
         """The states at ``index``."""
         return PathWave(
             self.hits.take(index),
-            pixel=self.pixel[index],
-            throughput=self.throughput[:, index],
-            on_ray=self.on_ray[index],
-            from_glass=self.from_glass[index],
-            depth=self.depth[:, index],
+            pixel=self.pixel.take(index),
+            throughput=self.throughput.take(index, axis=1),
+            on_ray=self.on_ray.take(index),
+            from_glass=self.from_glass.take(index),
+            depth=self.depth.take(index, axis=1),
         )
 
     @property

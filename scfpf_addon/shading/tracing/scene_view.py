@@ -15,6 +15,7 @@ from ...casting.frame import pixel_centres
 from ...casting.layers.layer_parts import LayerParts
 from ...casting.layers.layered_cast import LayeredCast, LayeredHits, LayeredProjectors
 from ...casting.scene.cast_scene import CastScene
+from ...projection.arrays import put_columns
 from ...projection.typing import Array, IndexArray
 from ...projection.volume.viewing_volume import Projection
 from ..passes.light_passes import ENVIRONMENT, LightParts
@@ -175,7 +176,7 @@ class SceneView:
         shown = np.flatnonzero(hits.mask)
         light = self.world.radiance(hits.tangent.take(missed, axis=1))
         whole = np.ones((4, len(hits.mask)), np.float32)
-        whole[: len(color), where] = color
+        put_columns(whole[: len(color)], where, color)
         whole[:3, missed], whole[3, missed] = (0.0, 0.0) if clear else (light, 1.0)
         if parts:
             rows = np.zeros((len(parts.rows), len(hits.mask)), np.float32)

@@ -175,7 +175,8 @@ class Tracer:
         within = (depth <= self._limits + 1).all(axis=0) & ((lobes.kind == CLEAR) | ~beyond.take(place))
         going = np.flatnonzero((throughput.max(axis=0) >= LEAST_SHARE) & within)
         lobes, came = lobes.take(going), wave.take(place.take(going))
-        throughput, depth, straight = throughput[:, going], depth[:, going], lobes.kind == CLEAR
+        throughput, depth = throughput.take(going, axis=1), depth.take(going, axis=1)
+        straight = lobes.kind == CLEAR
         pixel, on_ray = came.pixel, came.on_ray | ~straight
         from_glass = (came.from_glass & straight) | (lobes.kind == REFRACTED)
         hits = Hits.empty(len(going))
@@ -186,11 +187,12 @@ class Tracer:
             if len(on):
                 lobes, came = lobes.take(off), came.take(off)
             direction, share = self.sampler.directions(lobes, closures.take(lobes.closure), came, samples)
-            share *= samples.survival(came, lobes.kind, throughput[:, off] * share)
-            throughput[:, off] *= share
-            left = np.flatnonzero(share.any(axis=0))
+            going_on = throughput.take(off, axis=1) * share
+            going_on *= samples.survival(came, lobes.kind, going_on)
+            throughput[:, off] = going_on
+            left = np.flatnonzero(going_on.any(axis=0))
             off = off.take(left)
-            ends = (depth[:, off] > self._limits).any(axis=0)
+            ends = (depth.take(off, axis=1) > self._limits).any(axis=0)
             ray = came.take(left), direction.take(left, axis=1), from_glass[off]
             met, dark = self.sampler.cast(*ray, ends, self._shown_beyond)
             hits.put(off, met)

@@ -53,8 +53,8 @@ class Shader(NamedTuple):
 
     def reflectance(self, kind, cosine):
         """The reflectance (3, COUNT) of metal or a layer, by the cosine to the facets."""
-        rough = RoughReflectance.of(self.rows, np.full(COUNT, kind == METAL))
-        return rough.at(np.full(COUNT, cosine))
+        rough = RoughReflectance.of(self.rows, COUNT if kind == METAL else 0)
+        return rough.at(np.full(COUNT, cosine), np.ones(COUNT))
 
 
 def shader(kind, weight=1.0, cosine=0.8, back=0.0, **inputs):
