@@ -62,6 +62,7 @@ class CastScene(CastTriangles):
     def _forget(self) -> None:
         """Begin without anything that is built on demand."""
         self._lock = Lock()
+        self._neighbours = None
         self._parts: dict[bytes, CastScene] = {}
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None

@@ -36,6 +36,14 @@ ORIGIN_OFFSET = 2.0**-18
 ENOUGH_FOR_MEDIAN = 1 << 15
 
 
+class SharedWeights:
+    """The weights of a scene's triangles, once they are made. usable: (T,), those that have weights."""
+
+    def __init__(self, usable: BoolArray) -> None:
+        self.usable, self.lock = usable, Lock()
+        self.table: Array | None = None
+
+
 class CastTriangles:
     """Triangles in cast space.
 
@@ -69,11 +77,11 @@ class CastTriangles:
                 self.usable = np.all(finite[self.triangles], axis=1)
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
-        self._weights: Array | None = None
         self._neighbours: NDArray[np.int32] | None = None
         self._tables_lock = Lock()
         self._place(vertices, finite, space)
         self._measure()
+        self._weights = SharedWeights(self.usable)
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
 
@@ -129,37 +137,43 @@ class CastTriangles:
     def weights(self) -> Array:
         """(8, T): gradients and offsets of the barycentric weights of the second and the third corner.
 
-        Made at first use, since flat shading needs none.
+        Made at first use, since flat shading needs none. Parts of a scene share them.
         """
-        weights = self._weights
-        if weights is None:
-            with self._tables_lock:
-                weights = self._weights = self._make_weights() if self._weights is None else self._weights
-        return weights
+        shared = self._weights
+        if shared.table is None:
+            with shared.lock:
+                if shared.table is None:
+                    shared.table = self._make_weights(shared.usable)
+        return shared.table
 
-    def _make_weights(self) -> Array:
-        weights: Array = np.empty((8, len(self.usable)))
+    def _make_weights(self, usable: BoolArray) -> Array:
+        """The weights, 0 for triangles that are not usable (T,)."""
+        weights: Array = np.empty((8, len(usable)))
 
         def weigh(some: slice) -> None:
             """Gradients and offsets of a chunk of triangles."""
             first, along, across = self._edges(self._corners_of(some))
             normal = _cross(along, across)
-            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self.usable[some])
+            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), usable[some])
             _fill(weights[:4, some], _cross(across, normal) * inverse, first)
             _fill(weights[4:, some], _cross(normal, along) * inverse, first)
 
-        parallel_map(weigh, chunks(len(self.usable)))
+        parallel_map(weigh, chunks(len(usable)))
         return weights
 
     @property
     def neighbours(self) -> NDArray[np.int32]:
         """(3, T): the triangle across the edge opposite each corner, -1 at a border.
 
-        Made at first use, since straight casting does not need it.
+        Only of usable triangles. Made at first use, since straight casting does not need it.
         """
         with self._tables_lock:
             if self._neighbours is None:
-                self._neighbours = edge_neighbours(self.triangles)
+                which = np.flatnonzero(self.usable).astype(np.int32)
+                # A miss stays one.
+                numbers = np.append(which, np.int32(-1))
+                self._neighbours = np.full((3, len(self.usable)), -1, np.int32)
+                self._neighbours[:, which] = numbers.take(edge_neighbours(self.triangles[which]))
             return self._neighbours
 
     def corners_at(self, which: IndexArray) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...casting.scene.cast_scene import MOST_PARTS, CastScene
+from ...casting.scene.cast_triangles import SharedWeights
 from ...casting.scene.occupancy import Occupancy
 from ...casting.scene.traced_mesh import TracedMesh
 from ...projection.typing import Array, BoolArray, Float32Array
@@ -106,7 +107,6 @@ class TwoPartScene(CastScene):
         self._still, self._moving = still, moving
         self._parts_of_it = (scene,) if moving is None else (scene, moving)
         self._tables_lock, self._lock = Lock(), Lock()
-        self._weights: Array | None = None
         self._neighbours: NDArray[np.int32] | None = None
         self._occupancy: Occupancy | None = None
         self.centre, self.scale, self.matrix = scene.centre, scene.scale, scene.matrix
@@ -120,6 +120,7 @@ class TwoPartScene(CastScene):
             self.planes = np.concatenate([scene.planes, moving.planes], axis=1)
         self._largest = np.concatenate([part._largest for part in self._parts_of_it])
         self.usable = usable
+        self._weights = SharedWeights(usable)
 
     def only(self, kept: BoolArray | None) -> CastScene | None:
         """See ``CastScene``."""
@@ -147,7 +148,7 @@ class TwoPartScene(CastScene):
         """See ``CastScene``."""
         return np.concatenate([part.within(lower, upper) for part in self._parts_of_it])
 
-    def _make_weights(self) -> Array:
+    def _make_weights(self, usable: BoolArray) -> Array:
         weights = [part.weights for part in self._parts_of_it]
         return weights[0] if len(weights) == 1 else np.concatenate(weights, axis=1)
 
