@@ -41,7 +41,9 @@ class HitClosures(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[HitClosures]) -> HitClosures:
-        """The closures of all parts, in order."""
+        """The closures of one or several parts, in order."""
+        if len(parts) == 1:
+            return parts[0]
         where, normal = (np.concatenate([each[k] for each in parts], axis=-1) for k in (0, 2))
         return cls(where, ClosureRows.joined([each.rows for each in parts]), normal)
 

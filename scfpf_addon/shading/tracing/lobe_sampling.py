@@ -145,6 +145,8 @@ class LobeSampler:
                 dark[last] = (found >= 0) & ~seen
                 going[last] = (found >= 0) & seen
             some = np.flatnonzero(going)
+            if len(some) == len(dark):
+                return cast_rays(scene, origin, direction), dark
             if len(some):
                 met.put(some, cast_rays(scene, origin.take(some, 1), direction.take(some, 1)))
         return met, dark

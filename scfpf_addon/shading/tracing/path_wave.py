@@ -49,7 +49,9 @@ class PathWave(NamedTuple):
 
     @classmethod
     def joined(cls, waves: Sequence[PathWave]) -> PathWave:
-        """The paths of several waves, in order."""
+        """The paths of one or several waves, in order."""
+        if len(waves) == 1:
+            return waves[0]
         hits = Hits(*(np.concatenate(each, axis=-1) for each in zip(*(w.hits for w in waves), strict=True)))
         rest = (np.concatenate(each, axis=-1) for each in zip(*(w[1:] for w in waves), strict=True))
         return cls(hits, *rest)

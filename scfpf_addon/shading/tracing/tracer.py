@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import HOLDOUT
@@ -176,38 +177,48 @@ class Tracer:
         going = np.flatnonzero((throughput.max(axis=0) >= LEAST_SHARE) & within)
         lobes, came = lobes.take(going), wave.take(place.take(going))
         throughput, depth = throughput.take(going, axis=1), depth.take(going, axis=1)
-        straight = lobes.kind == CLEAR
-        pixel, on_ray = came.pixel, came.on_ray | ~straight
-        from_glass = (came.from_glass & straight) | (lobes.kind == REFRACTED)
-        hits = Hits.empty(len(going))
+        on_ray = came.on_ray | (lobes.kind != CLEAR)
         on, off = np.flatnonzero(~on_ray), np.flatnonzero(on_ray)
+        parts: list[PathWave] = []
         if len(on):
-            hits.put(on, continuation.next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
+            some = came.take(on)
+            hits = continuation.next_hits(some.pixel, some.hits.t, some.hits.triangle)
+            some = some._replace(hits=hits, throughput=throughput.take(on, 1), depth=depth.take(on, 1))
+            parts.append(some)
+            lobes, came = lobes.take(off), came.take(off)
+            throughput, depth = throughput.take(off, axis=1), depth.take(off, axis=1)
         if len(off):
-            if len(on):
-                lobes, came = lobes.take(off), came.take(off)
-            direction, share = self.sampler.directions(lobes, closures.take(lobes.closure), came, samples)
-            going_on = throughput.take(off, axis=1) * share
-            going_on *= samples.survival(came, lobes.kind, going_on)
-            throughput[:, off] = going_on
-            left = np.flatnonzero(going_on.any(axis=0))
-            off = off.take(left)
-            ends = (depth.take(off, axis=1) > self._limits).any(axis=0)
-            ray = came.take(left), direction.take(left, axis=1), from_glass[off]
-            met, dark = self.sampler.cast(*ray, ends, self._shown_beyond)
-            hits.put(off, met)
-            throughput[:, off[dark]] = 0.0
-        sent = PathWave(
-            hits,
-            pixel=pixel,
-            throughput=throughput,
-            on_ray=on_ray,
-            from_glass=from_glass,
-            depth=depth,
-        )
-        missed = hits.triangle < 0
-        self._miss(sent.take(np.flatnonzero(missed & throughput.any(axis=0))), film)
+            parts.append(self._scatter(lobes, closures, came, throughput, depth, samples))
+        sent = PathWave.joined(parts) if parts else came
+        missed = sent.hits.triangle < 0
+        self._miss(sent.take(np.flatnonzero(missed & sent.throughput.any(axis=0))), film)
         return sent.take(np.flatnonzero(~missed))
+
+    def _scatter(
+        self,
+        lobes: SentLobes,
+        closures: HitClosures,
+        came: PathWave,
+        throughput: Array,
+        depth: NDArray[np.int16],
+        samples: PathSamples,
+    ) -> PathWave:
+        """Send paths (n,) along straight rays; those of them that carry light.
+
+        came: their last states. throughput: (3, n), but for directions and chance. depth: (4, n) after it.
+        """
+        direction, share = self.sampler.directions(lobes, closures.take(lobes.closure), came, samples)
+        throughput = throughput * share
+        throughput *= samples.survival(came, lobes.kind, throughput)
+        from_glass = np.where(lobes.kind == CLEAR, came.from_glass, lobes.kind == REFRACTED)
+        left = np.flatnonzero(throughput.any(axis=0))
+        if len(left) < len(came.pixel):
+            came, direction, from_glass = came.take(left), direction.take(left, 1), from_glass.take(left)
+            throughput, depth = throughput.take(left, 1), depth.take(left, 1)
+        ends = (depth > self._limits).any(axis=0)
+        hits, dark = self.sampler.cast(came, direction, from_glass, ends, self._shown_beyond)
+        throughput[:, dark] = 0.0
+        return PathWave(hits, came.pixel, throughput, np.ones(len(left), bool), from_glass, depth)
 
     def _lobes(self, wave: PathWave, closures: HitClosures) -> SentLobes:
         """The lobes of closures at the wave's places."""
