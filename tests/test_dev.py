@@ -154,10 +154,22 @@ def test_scenarios_are_named_as_tests_are(monkeypatch):
 )
 def test_what_scenarios_came_to(tmp_path, results, status, counts, good, said):
     (tmp_path / "results.txt").write_text(results)
-    (result,), warnings = window.outcome("title", tmp_path / "results.txt", status, 9.0)
+    (result,), warnings = window.outcome("title", tmp_path, status, 9.0)
     assert (result.passed, result.failed) == counts and result.ended_well == good
     assert said in " ".join([result.title, *warnings])
     assert bool(warnings) == (status is None)
+
+
+def test_a_crash_in_a_window_tells_where(tmp_path):
+    (tmp_path / "results.txt").write_text("scenarios: a b\nok: a (1 s)")
+    (tmp_path / "output.txt").write_text("\n".join(["long ago"] * 99 + ["Fatal Python error", "in here"]))
+    (tmp_path / "blender.crash.txt").write_text("# backtrace\nBKE_here")
+    for status, told in ((139, True), (None, False)):
+        (result,), warnings = window.outcome("title", tmp_path, status, 9.0)
+        said = "\n".join(warnings)
+        assert not result.ended_well
+        assert ("Fatal Python error\nin here" in said and "BKE_here" in said) == told
+        assert len(said.splitlines()) < 99
 
 
 def test_a_window_that_cannot_be_had_is_a_warning(monkeypatch, tmp_path, capsys):

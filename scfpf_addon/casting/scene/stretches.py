@@ -183,9 +183,10 @@ def _parts(
 
 def _reduced(values: Float32Array, least: np.ufunc, axis: int, length: int) -> Float32Array:
     """Minima or maxima of runs of ``length`` along an axis (ufunc.reduceat takes ten times as long)."""
-    values = np.moveaxis(values, axis, 0)
-    result = values[::length].copy()
-    for k in range(1, min(length, len(values))):
-        part = values[k::length]
-        least(result[: len(part)], part, out=result[: len(part)])
-    return np.moveaxis(result, 0, axis)
+    values = np.moveaxis(values, axis, -1)
+    whole = values.shape[-1] // length * length
+    runs = values[..., :whole].reshape(*values.shape[:-1], -1, length)
+    parts = [least.reduce(runs, axis=-1)]
+    if whole < values.shape[-1]:
+        parts.append(least.reduce(values[..., whole:], axis=-1, keepdims=True))
+    return np.moveaxis(np.concatenate(parts, axis=-1), -1, axis)

@@ -183,8 +183,7 @@ class Tracer:
         if len(on):
             some = came.take(on)
             hits = continuation.next_hits(some.pixel, some.hits.t, some.hits.triangle)
-            some = some._replace(hits=hits, throughput=throughput.take(on, 1), depth=depth.take(on, 1))
-            parts.append(some)
+            parts.append(some._replace(hits=hits, throughput=throughput.take(on, 1), depth=depth.take(on, 1)))
             lobes, came = lobes.take(off), came.take(off)
             throughput, depth = throughput.take(off, axis=1), depth.take(off, axis=1)
         if len(off):

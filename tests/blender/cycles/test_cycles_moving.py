@@ -33,8 +33,11 @@ def empty_file(extension):
 
 
 @pytest.fixture
-def skipping(addon):
-    return addon("cycles.skipping.refresh")
+def skipping(addon, monkeypatch):
+    """The module, which takes the time that a busy machine needs."""
+    module = addon("cycles.skipping.refresh")
+    monkeypatch.setattr(module, "PATIENCE", 600.0)
+    return module
 
 
 @pytest.fixture
