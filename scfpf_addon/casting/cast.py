@@ -12,14 +12,13 @@ from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .common.hits import CastCounts, CastError, Hits
 from .common.space_order import space_keys
-from .curves.bends import bend_groups
 from .curves.chords import cast_chords, complete
 from .curves.projector_batch import ProjectorBatch
 from .curves.sampled_curves import sample_curves
 from .curves.schedule import corners, plan, scene_reach, split
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
-from .scene.stretches import Stretches, stretches
+from .scene.stretches import stretches
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast", "cast_at_nothing"]
@@ -149,42 +148,22 @@ def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
     where = stretches(tile.scene.occupancy, spans, batch.single, tile.columns)
     if where.reach is None or not mask.any():
         return complete(Hits.empty(batch.count)._replace(mask=mask), batch)
-    groups = bend_groups(points, mask)
-    if len(groups) == 1:
-        return complete(_cast_group(tile, batch, groups[0], where, pixel_error, counts), batch)
-    hits = Hits.empty(batch.count)
-    for group in groups:
-        which = np.flatnonzero(group)
-        hits.put(which, _cast_group(tile, batch, group, where, pixel_error, counts).take(which))
-    return complete(hits, batch)
-
-
-def _cast_group(
-    tile: _Tile,
-    batch: ProjectorBatch,
-    group: BoolArray,
-    where: Stretches,
-    pixel_error: float,
-    counts: CastCounts,
-) -> Hits:
-    """The hits of a group (N,) of the projectors, which share their chords."""
-    spans, reach = batch.spans, where.reach or (0.0, 1.0)
-    curves = sample_curves(tile.projection, tile.x, tile.y, group, tile.pixel_size, tile.columns)
-    schedule = plan(spans, curves, reach, pixel_error)
+    curves = sample_curves(tile.projection, tile.x, tile.y, mask, tile.pixel_size, tile.columns)
+    schedule = plan(spans, curves, where.reach, pixel_error)
     counts.error_bound = max(counts.error_bound, schedule.error)
-    hits, doubtful = cast_chords(tile.scene, batch, group, schedule, counts, where, last=False)
+    hits, doubtful = cast_chords(tile.scene, batch, mask, schedule, counts, where, last=False)
     if len(doubtful):
         counts.refined += len(doubtful)
         if spans.point_weights is None:
             fine = split(spans, schedule, FINE_PARTS)
         else:
-            fine = plan(spans, curves, reach, FINE_SHARE * pixel_error)
+            fine = plan(spans, curves, where.reach, FINE_SHARE * pixel_error)
         own = CastCounts()
         some, there = batch.take(doubtful), where.take(doubtful)
-        hits.put(doubtful, cast_chords(tile.scene, some, group[doubtful], fine, own, there)[0])
+        hits.put(doubtful, cast_chords(tile.scene, some, mask[doubtful], fine, own, there)[0])
         own.chords = 0
         counts.add(own)
-    return hits
+    return complete(hits, batch)
 
 
 def usable_projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

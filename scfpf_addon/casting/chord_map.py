@@ -10,7 +10,6 @@ import numpy as np
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .cast import SMALLEST_ERROR, usable_projectors
-from .curves.bends import bend_groups
 from .curves.chord_rules import Chords
 from .curves.projector_batch import ProjectorBatch
 from .curves.sampled_curves import curves_through, pixel_length, pixel_widths, sample_curves
@@ -62,12 +61,11 @@ def chord_map(
     reach = stretches(scene.occupancy, spans, batch.single, columns).reach
     if reach is None or not mask.any():
         return made
-    for group in bend_groups(points, mask):
-        curves = sample_curves(projection, x, y, group, pixel_size)
-        schedule = plan(spans, curves, reach, max(pixel_error, SMALLEST_ERROR))
-        chord = _chord(schedule, t[group])
-        made.count[group] = chord + 1
-        made.error[group] = _error(projection, schedule, chord, x[group], y[group], t[group], pixel_size)
+    curves = sample_curves(projection, x, y, mask, pixel_size)
+    schedule = plan(spans, curves, reach, max(pixel_error, SMALLEST_ERROR))
+    chord = _chord(schedule, t[mask])
+    made.count[mask] = chord + 1
+    made.error[mask] = _error(projection, schedule, chord, x[mask], y[mask], t[mask], pixel_size)
     hit: BoolArray = np.isfinite(t)
     made.error[~hit] = 0.0
     return made
