@@ -43,7 +43,7 @@ def chord_map(
 ) -> ChordMap:
     """The chords of projectors that hit at t (N,), inf on a miss; other arguments as for ``cast``.
 
-    Straight projectors are one chord without an error; exact casting has no chords: 0.
+    Those of a straight volume are one chord without an error; exact casting has no chords: 0.
     """
     spans = projection.volume.spans
     made = ChordMap(np.zeros(len(x)), np.zeros(len(x)))

@@ -76,7 +76,7 @@ class CastCounts:
     """Counts of the work of a cast; ``add`` sums them over tiles.
 
     projectors: projectors cast. rays: rays traced for them. chords: rays of the first march
-    (1 per straight projector). on_neighbours: hits solved on a neighbour of the triangle that a
+    (1 per projector of a straight volume). on_neighbours: hits solved on a neighbour of the triangle that a
     chord hit. refined: projectors followed again by finer chords, because their curve misses
     the triangle that a chord hit. tested: curves intersected with triangles in exact casting.
     unresolved: hits that keep the answer of the finest chord; in exact casting, steps of

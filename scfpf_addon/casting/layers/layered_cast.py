@@ -31,8 +31,6 @@ MOST_PASSED = 64
 # their triangles but for the pixel error.
 NEARER = 1.0 - 2.0**-10
 ONE = np.ones(1, bool)
-# Projectors that are tried at a layer's hull at once: more would not stay in a core's cache.
-AT_ONCE = 1 << 14
 
 
 class LayeredHits(NamedTuple):
@@ -153,22 +151,16 @@ class LayeredCast:
         which = which[layer.shown_at(x[which], y[which]) & image.mask]
         if not len(which):
             return _Meeting(which, projection)
+        met: IndexArray = np.arange(len(which))
         if part.bounds is None:
-            around, is_straight = part.around(layer), projection.volume.spans.is_straight
-            kept, points = [which[:0]], [projection.projectors(x[:0], y[:0]).points]
-            for start in range(0, len(which), AT_ONCE):
-                some = which[start : start + AT_ONCE]
-                known = projection.projectors(x[some], y[some])
-                met = np.flatnonzero(part.hull.met_by(known, is_straight, around))
-                kept.append(some[met])
-                points.append(known.points.take(met, 2))
-            which = np.concatenate(kept)
-            found = Projectors(np.concatenate(points, axis=2), np.ones(len(which), bool))
-            projection = KnownProjectors.of(projection, found)
-        order: IndexArray = np.arange(len(which))
+            known = projection.projectors(x[which], y[which])
+            is_straight = projection.volume.spans.is_straight
+            met = np.flatnonzero(part.hull.met_by(known, is_straight, part.around(layer)))
+            which, projection = which[met], KnownProjectors.of(projection, known)
         if len(which) and needs_order(projection, self.pixel_error):
             order = near_order(x[which], y[which], self.pixel_size)
-        return _Meeting(which[order], projection.taken(order))
+            which, met = which[order], met[order]
+        return _Meeting(which, projection.taken(met))
 
     def _least_key(self, number: int) -> float:
         """A key that no hit of a layer from 1 on is below."""

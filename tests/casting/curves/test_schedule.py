@@ -217,10 +217,14 @@ def test_straight_projectors_beside_bent_ones_meet_the_same():
     x, y = pixel_centres(96, 54, (0, 54))
     size = (1 / 96, 1 / 54)
     left = x < 0.5
-    counts, whole = CastCounts(), CastCounts()
+    counts, whole, right = CastCounts(), CastCounts(), CastCounts()
     alone = cast(scene, projection, x[left], y[left], size, 0.1, counts, 48)
     assert counts.chords <= counts.projectors == left.sum()
     together = cast(scene, projection, x, y, size, 0.1, whole, 96)
+    cast(scene, projection, x[~left], y[~left], size, 0.1, right, 48)
+    assert right.chords > 2.5 * right.projectors
+    # Among many boxes; where more is empty they are fewer.
+    assert whole.chords < 1.8 * (counts.chords + right.chords)
     assert whole.error_bound <= 0.1
     assert (together.triangle[left] == alone.triangle).mean() > 0.998
 
