@@ -198,3 +198,16 @@ def test_an_edge_of_three_triangles_pairs_two():
     fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]], np.int32)
     assert edge_neighbours(fan)[2].tolist() == [1, 0, -1]
     assert edge_neighbours(np.empty((0, 3), np.int32)).shape == (3, 0)
+
+
+def test_a_part_that_asks_first_leaves_the_whole_its_tables():
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    scene = CastScene(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    part = scene.only(np.array([True, False]))
+    assert part.weights is scene.weights
+    # What the part does not show is no neighbour in it.
+    assert (part.neighbours == -1).all()
+    assert (scene.neighbours >= 0).sum(axis=0).tolist() == [1, 1]
+    for number in (0, 1):
+        middle = scene.corners_at(np.array([number])).mean(axis=0)
+        np.testing.assert_allclose(scene.barycentric(middle, np.array([number])), 1 / 3, atol=1e-12)
