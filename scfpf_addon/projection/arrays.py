@@ -84,10 +84,11 @@ def evaluate_pieces(table: Array, piece: IndexArray, a: Array, b: Array, total: 
     table: (powers of b, powers of a, K, pieces), lowest powers first. piece: (N,), the number of each
     polynomial, whose coefficients are fetched at once. Best for N up to ``BLOCK``.
     """
-    along = table[-1].take(piece, axis=-1)
+    # NumPy's fastest mode.
+    along = table[-1].take(piece, axis=-1, mode="wrap")
     for power in table[-2::-1]:
         along *= b
-        along += power.take(piece, axis=-1)
+        along += power.take(piece, axis=-1, mode="wrap")
     total[:] = along[-1]
     for coefficient in along[-2::-1]:
         total *= a

@@ -12,6 +12,7 @@ from ...projection.typing import Array, BoolArray
 from ...projection.volume.viewing_volume import ImageLayer, Projection, Projectors
 from ..scene.cast_scene import CastScene
 from .image_bounds import ImageBounds
+from .seen_cells import SeenCells
 
 # Unit normals of the slabs of hulls: along axes, edges' and corners' diagonals of a cube, in this order.
 DIRECTIONS: Array = np.array(
@@ -120,7 +121,8 @@ class LayerPart:
     """The things of one layer, in cast space, with their bounds.
 
     scene: if ``has_surroundings``, also the triangles of layer 0 that may be near enough for the halo.
-    bounds: of the layer in the image, None if they are not known.
+    bounds: of the layer in the image, None if they are not known. cells: of its parameters in which it can be
+    met, None if they are not known or not needed.
     """
 
     scene: CastScene
@@ -128,10 +130,23 @@ class LayerPart:
     box: Box
     hull: Hull
     bounds: ImageBounds | None
+    cells: SeenCells | None
 
     def around(self, layer: ImageLayer) -> float:
         """The width around the things within which the layer shows surroundings, 0 without any."""
         return layer.halo if self.has_surroundings else 0.0
+
+    def seen_by(self, layer: ImageLayer, points: Array | None = None) -> LayerPart:
+        """The same things in the layer with its projection, in cast space.
+
+        points: (3, N) whose hull holds all that it shows; the box's corners if not given.
+        """
+        shown, cells = self.box.widened(self.around(layer)), None
+        bounds = ImageBounds.around(layer.projection, shown.corners if points is None else points)
+        # Straight projectors need no grid of empty space, and making it takes longer than their hull's test.
+        if bounds is None and not layer.projection.volume.spans.is_straight:
+            cells = SeenCells.of(layer.projection, self.scene.occupancy, shown.lower, shown.upper)
+        return replace(self, bounds=bounds, cells=cells)
 
 
 @dataclass(frozen=True)
@@ -164,14 +179,7 @@ class LayerParts:
 
     def seen_by(self, layers: tuple[ImageLayer, ...]) -> LayerParts:
         """The same parts seen by other projections, in cast space, of the same layers."""
-        parts = (
-            part
-            and replace(
-                part,
-                bounds=ImageBounds.around(layer.projection, part.box.widened(part.around(layer)).corners),
-            )
-            for part, layer in zip(self.parts, layers, strict=True)
-        )
+        parts = (part and part.seen_by(layer) for part, layer in zip(self.parts, layers, strict=True))
         return replace(self, parts=tuple(parts))
 
 
@@ -188,14 +196,9 @@ def _part(
     if scene is None:
         return None
     has_surroundings = bool((scene.usable & (numbers == 0)).any())
-    if has_surroundings:
-        # Halos are distances from the box.
-        points = box.corners
-    hull, seen = Hull.around(points), shown.corners if has_surroundings else points
-    return LayerPart(
-        scene=scene,
-        has_surroundings=has_surroundings,
-        box=box,
-        hull=hull,
-        bounds=ImageBounds.around(layer.projection, seen),
+    # Halos are distances from the box.
+    hull = Hull.around(box.corners if has_surroundings else points)
+    part = LayerPart(
+        scene=scene, has_surroundings=has_surroundings, box=box, hull=hull, bounds=None, cells=None
     )
+    return part.seen_by(layer, None if has_surroundings else points)

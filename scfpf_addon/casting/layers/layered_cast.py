@@ -148,11 +148,14 @@ class LayeredCast:
             which = which[nearest.take(which) > self._least_key(number)]
         # The frame of the layer's picture first: projectors cost more.
         image = projection.reparameterisation.points(x[which], y[which], projection.aspect)
-        which = which[layer.shown_at(x[which], y[which]) & image.mask]
+        shown = layer.shown_at(x[which], y[which]) & image.mask
+        if part.cells is not None:
+            shown &= part.cells.hold(image.u, image.v)
+        which = which[shown]
         if not len(which):
             return _Meeting(which, projection)
         met: IndexArray = np.arange(len(which))
-        if part.bounds is None:
+        if part.bounds is None and part.cells is None:
             known = projection.projectors(x[which], y[which])
             is_straight = projection.volume.spans.is_straight
             met = np.flatnonzero(part.hull.met_by(known, is_straight, part.around(layer)))

@@ -44,9 +44,31 @@ class InterpolatedSurface(ControlSurface):
         """See ``ControlSurface``: every point between two convex sets lies in the hull of both."""
         return np.concatenate([self.before.hull(), self.after.hull()], axis=1)
 
+    @property
+    def bends(self) -> tuple[float, float] | None:
+        """See ``ControlSurface``."""
+        one, other = _bends_outside(self.before), _bends_outside(self.after)
+        if one is None or other is None:
+            return None
+        return max(one[0], other[0]), max(one[1], other[1])
+
+    @property
+    def creases(self) -> tuple[Array, Array]:
+        """See ``ControlSurface``."""
+        (one_u, one_v), (other_u, other_v) = self.before.creases, self.after.creases
+        return np.union1d(one_u, other_u), np.union1d(one_v, other_v)
+
     def transformed(self, matrix: Array) -> Self:
         """See ``ControlSurface``."""
         return replace(self, before=self.before.transformed(matrix), after=self.after.transformed(matrix))
+
+
+def _bends_outside(surface: ControlSurface) -> tuple[float, float] | None:
+    """The bends of a surface where its matrix places it, at most."""
+    if surface.bends is None:
+        return None
+    scale = float(np.linalg.norm(surface.matrix[:3, :3], 2))
+    return surface.bends[0] * scale, surface.bends[1] * scale
 
 
 def interpolated_projection(before: Projection, after: Projection, share: float) -> Projection:

@@ -8,11 +8,12 @@ volume's space. With the camera looking along -Z, u grows to the right and v up.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..arrays import transform
+from ..arrays import BLOCK, evaluate_pieces, transform
 from ..typing import Array, BoolArray, IndexArray
 
 
@@ -112,6 +113,19 @@ class ControlSurface:
         """``local_hull`` in volume space."""
         return transform(self.matrix[:3, :3], self.local_hull(), self.matrix[:3, 3])
 
+    @property
+    def bends(self) -> tuple[float, float] | None:
+        """The greatest lengths of the second derivatives by u and by v for u and v in [0, 1], own space.
+
+        None if they are not known. They hold between the lines of ``creases``.
+        """
+        return None
+
+    @property
+    def creases(self) -> tuple[Array, Array]:
+        """The u and the v, increasing, at which derivatives may jump."""
+        return np.zeros(0), np.zeros(0)
+
     def transformed(self, matrix: Array) -> Self:
         """The same surface with ``matrix`` (4, 4) applied after its own."""
         return replace(self, matrix=np.asarray(matrix, np.float64) @ self.matrix)
@@ -136,6 +150,11 @@ class Point(ControlSurface):
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
         return np.zeros((3, 1))
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return 0.0, 0.0
 
 
 @dataclass(frozen=True)
@@ -164,6 +183,11 @@ class Plane(ControlSurface):
         """See ControlSurface.local_hull."""
         return _box(0.5 * self.width, 0.5 * self.height, 0.0)
 
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return 0.0, 0.0
+
 
 @dataclass(frozen=True)
 class BilinearPatch(ControlSurface):
@@ -191,6 +215,11 @@ class BilinearPatch(ControlSurface):
         """See ControlSurface.local_hull."""
         return np.asarray(self.corners, np.float64).T
 
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return 0.0, 0.0
+
 
 @dataclass(frozen=True)
 class Disc(ControlSurface):
@@ -213,6 +242,11 @@ class Disc(ControlSurface):
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
         return _box(self.radius, self.radius, 0.0)
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return self.arc**2 * abs(self.radius), 0.0
 
 
 @dataclass(frozen=True)
@@ -242,6 +276,11 @@ class Paraboloid(ControlSurface):
         hull = _box(self.radius, self.radius, 0.5 * self.depth)
         hull[2] += 0.5 * self.depth
         return hull
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return self.arc**2 * abs(self.radius), 2.0 * abs(self.depth)
 
 
 @dataclass(frozen=True)
@@ -280,6 +319,11 @@ class Cone(ControlSurface):
         radius = max(abs(self.radius_start), abs(self.radius_end))
         return _box(radius, 0.5 * self.height, radius)
 
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return self.arc**2 * max(abs(self.radius_start), abs(self.radius_end)), 0.0
+
 
 @dataclass(frozen=True)
 class Cylinder(ControlSurface):
@@ -300,6 +344,11 @@ class Cylinder(ControlSurface):
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
         return _box(self.radius, 0.5 * self.height, self.radius)
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return self.arc**2 * abs(self.radius), 0.0
 
 
 @dataclass(frozen=True)
@@ -332,6 +381,12 @@ class SphereSector(ControlSurface):
         """See ControlSurface.local_hull."""
         return _box(self.radius, self.radius, self.radius)
 
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        extent = self.latitude_end - self.latitude_start
+        return self.arc**2 * abs(self.radius), extent**2 * abs(self.radius)
+
 
 @dataclass(frozen=True)
 class Grid(ControlSurface):
@@ -349,35 +404,54 @@ class Grid(ControlSurface):
         if len(shape) != 3 or shape[2] != 3 or min(shape[:2]) < 2:
             raise ValueError(f"a grid needs at least 2 × 2 points, got shape {shape}")
 
+    @cached_property
+    def _polynomials(self) -> Array:
+        """Each cell's corner, edges and twist: its polynomial by the place in it, (2, 2, 3, cells).
+
+        As ``evaluate_pieces`` takes it: powers along v, along u, component.
+        """
+        points = np.asarray(self.points, np.float64).transpose(2, 0, 1)
+        corner, beside, above = points[:, :-1, :-1], points[:, :-1, 1:], points[:, 1:, :-1]
+        right, up = beside - corner, above - corner
+        table = np.array([[corner, right], [up, points[:, 1:, 1:] - above - right]])
+        return np.ascontiguousarray(table.reshape(2, 2, 3, -1))
+
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         rows, columns = self.points.shape[:2]
-        (c00, c10, c01, c11), a, b = self._cells(u, v)
-        bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
-        along = (c10 - c00) * (1 - b) + (c11 - c01) * b
-        return self._whole(bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom))
+        cell, a, b = self._cells(u, v)
+        (corner, right), (up, twist) = self._polynomials.take(cell, 3)
+        along, across = right + twist * b, up + twist * a
+        return self._whole(corner + along * a + up * b, (columns - 1) * along, (rows - 1) * across)
 
     def local_position(self, u: Array, v: Array) -> Placement:
-        """See ControlSurface.local_position."""
-        (c00, c10, c01, c11), a, b = self._cells(u, v)
-        for low, high, share in ((c00, c10, a), (c01, c11, a), (c00, c01, b)):
-            # low + (high - low) * share, in place.
-            high -= low
-            high *= share
-            low += high
-        return Placement(c00, np.ones(len(u), bool))
+        """See ControlSurface.local_position: a block of points at a time."""
+        position = np.empty((3, len(u)))
+        for start in range(0, len(u), BLOCK):
+            part = slice(start, start + BLOCK)
+            evaluate_pieces(self._polynomials, *self._cells(u[part], v[part]), position[:, part])
+        return Placement(position, np.ones(len(u), bool))
 
-    def _cells(self, u: Array, v: Array) -> tuple[list[Array], Array, Array]:
-        """The corners 00, 10, 01, 11 of the cells that hold (u, v), (3, N) each, and the places in them."""
+    def _cells(self, u: Array, v: Array) -> tuple[IndexArray, Array, Array]:
+        """The cells that hold (u, v), (N,), and the places in them."""
         rows, columns = self.points.shape[:2]
         across, up = u * (columns - 1), v * (rows - 1)
-        column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)
-        row = np.clip(np.floor(up), 0, rows - 2).astype(np.int64)
-        flat = np.ascontiguousarray(self.points.reshape(-1, 3).T, np.float64)
-        first = row * columns + column
-        corners = [flat.take(first + step, 1) for step in (0, 1, columns, columns + 1)]
-        return corners, across - column, up - row
+        # Conversion to integers truncates, which is right from 0 on.
+        column = np.clip(across.astype(np.int64), 0, columns - 2)
+        row = np.clip(up.astype(np.int64), 0, rows - 2)
+        return row * (columns - 1) + column, across - column, up - row
 
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64).reshape(-1, 3).T
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends."""
+        return 0.0, 0.0
+
+    @property
+    def creases(self) -> tuple[Array, Array]:
+        """See ControlSurface.creases."""
+        rows, columns = self.points.shape[:2]
+        return np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)

@@ -89,9 +89,31 @@ class LatticeLayer(ControlSurface):
         row = np.clip(np.floor(up), 0, rows - 2)
         return (row * (columns - 1) + column).astype(np.int64), across - column, up - row
 
+    @cached_property
+    def _bezier(self) -> Array:
+        """Bézier control values of the displacements in each cell, (4, 4, 3, cells), along v, along u."""
+        bezier: Array = np.einsum("ip,jq,pqxk->ijxk", _BEZIER_OF_POWERS, _BEZIER_OF_POWERS, self._patches)
+        return bezier
+
+    @property
+    def bends(self) -> tuple[float, float]:
+        """See ControlSurface.bends: second derivatives are Bézier, of second differences."""
+        rows, columns = np.shape(self.moved)[:2]
+        by_v, by_u = (
+            6.0 * (count - 1) ** 2 * float(np.linalg.norm(np.diff(self._bezier, 2, axis), axis=2).max())
+            for axis, count in ((0, rows), (1, columns))
+        )
+        return by_u, by_v
+
+    @property
+    def creases(self) -> tuple[Array, Array]:
+        """See ControlSurface.creases."""
+        rows, columns = np.shape(self.moved)[:2]
+        return np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)
+
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
-        bezier = np.einsum("ip,jq,pqxk->ijxk", _BEZIER_OF_POWERS, _BEZIER_OF_POWERS, self._patches)
+        bezier = self._bezier
         rest = self._rest(*(a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 1.0])))
         # What the points are moved by anywhere, from anywhere in the rectangle.
         moved = bezier.transpose(2, 0, 1, 3).reshape(3, -1)
