@@ -19,7 +19,7 @@ from ..scene.occupancy import SLACK, Occupancy
 from ..scene.projector_boxes import bounds_of_each, piece_weights
 
 # Cells along each axis, at first and at last; each level halves them.
-COARSE, FINE = 8, 64
+COARSE, FINE = 8, 32
 
 
 @dataclass(frozen=True)
