@@ -7,7 +7,8 @@ at several places of each pixel.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,13 @@ from ...casting.layers.layer_keys import layer_keys
 from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
+from .covered_pixels import covered, without_neighbours
 from .exr_passes import Pass, read_passes
 from .joined_passes import COMBINED, OF_ONE_SAMPLE, POSITION, Mist, delivered, summed
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
 from .passing_scene import KEY_SIDE, PassingScene
-from .shown_pixels import ShownPixels, around, join_into, padded, slices, within
+from .shown_pixels import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
 
 # The share from which a part of a pixel stands for its one sample.
 HALF = 0.5
@@ -92,7 +94,7 @@ class LayeredRender:
         self._passing.show((0,))
         with seen_through(self._passing, read.views[0]) as cautions:
             self._caution(cautions)
-            rest = yield from self._rest(read, around(compared) if compared else None)
+            rest = yield from self._rest(read, around(compared) if compared else None, [*shown.values()])
         if shown:
             join_into(rest, [*shown.values()])
         self.pixels, self.passes = rest.color, delivered(rest.passes, self._passing.passes)
@@ -100,15 +102,19 @@ class LayeredRender:
     def _caution(self, texts: list[str]) -> None:
         self.warnings += [text for text in texts if text not in self.warnings]
 
-    def _rest(self, read: ReadViews, compared: Border | None) -> Generator[str, None, ShownPixels]:
+    def _rest(
+        self, read: ReadViews, compared: Border | None, layers: Sequence[ShownPixels]
+    ) -> Generator[str, None, ShownPixels]:
         """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
-        whole = Border(0, 0, *read.size)
-        shot = yield from self._colors("the picture", whole, read, 0)
-        keys = np.full((1, 1, 1), np.inf)
+        whole, keys = Border(0, 0, *read.size), np.full((1, 1, 1), np.inf)
         if compared is not None:
             keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read, 0)))
+        else:
+            compared = Border(0, 0, 1, 1)
+        needless = hidden_behind(layers, keys, compared, whole)
+        shot = yield from self._colors("the picture", whole, read, 0, needless)
         first = self._first_keys(read, 0, shot, shot.is_hit)
-        return ShownPixels(whole, shot.color, compared or Border(0, 0, 1, 1), keys, shot.passes, first)
+        return ShownPixels(whole, shot.color, compared, keys, shot.passes, first)
 
     def _layer(
         self, read: ReadViews, number: int, window: Border
@@ -159,17 +165,28 @@ class LayeredRender:
         share, is_near = halo_share(is_seen, nearness), nearness > 0.0
         if (part := within(share > 0.0, window)) is not None:
             self._passing.show((0, number), read.beyond(number))
-            near = yield from self._colors(name, part, read, number)
+            needless = widened(share <= 0.0, window, Border(0, 0, *read.size), True)
+            near = yield from self._colors(name, part, read, number, needless)
             own, (height, width) = slices(part, window), near.color.shape[:2]
             distance = box.distance(near.position.reshape(3, -1)).reshape(height, width)
             shows = near.is_hit[0] & (layer.halo_share(distance) >= HALF) & (share[own] > 0.0)
             _lay_in(shot.part(own), near, share[own], shows)
         return place, is_near
 
-    def _colors(self, name: str, window: Border, read: ReadViews, number: int) -> Generator[str, None, Shot]:
-        """Render colours and passes through the view of a layer, or of the image."""
-        is_rigged, wanted = read.views[number].place is None, self._passing.passes
-        with self._passing.colored(window, read.size, number > 0, is_rigged):
+    def _colors(
+        self, name: str, window: Border, read: ReadViews, number: int, needless: BoolArray | None = None
+    ) -> Generator[str, None, Shot]:
+        """Render colours and passes through the view of a layer, or of the image.
+
+        needless: the pixels of the whole image (H, W) whose values make no difference.
+        """
+        place, wanted = read.views[number].place, self._passing.passes
+        is_rigged, scene = place is None, self._passing.scene
+        with self._passing.colored(window, read.size, number > 0, is_rigged), ExitStack() as stack:
+            # Blur and denoising take the values of a pixel from others, too.
+            if needless is not None and place is not None and not (read.blurs or scene.cycles.use_denoising):
+                stack.enter_context(covered(scene, place, without_neighbours(needless, read.filter_width)))
+            del scene
             yield name
             found = read_passes(self._passing.path, (COMBINED, POSITION))
             mist = Mist.of(self._passing.scene.world) if is_rigged else None

@@ -18,6 +18,8 @@ from .joined_passes import OF_ONE_SAMPLE
 
 # Rows that are joined at once.
 ROWS = 64
+# A smaller share of a pixel makes no difference to it: less than a rounding of float32.
+LEAST_SHARE = 2.0**-24
 
 
 class ShownPixels(NamedTuple):
@@ -89,6 +91,26 @@ def join_into(rest: ShownPixels, layers: Sequence[ShownPixels]) -> None:
             else:
                 pixels = joined(found, share, is_seen)
             values[own] = pixels.reshape(height, width, -1)
+
+
+def hidden_behind(layers: Sequence[ShownPixels], keys: Array, compared: Border, whole: Border) -> BoolArray:
+    """The pixels (H, W) of a whole image in which layers hide all the rest, whatever that is.
+
+    keys: (S, h, w) of the rest in the window ``compared``, as of ``ShownPixels``.
+    """
+    hidden = np.zeros((whole.top, whole.right), bool)
+    if not layers:
+        return hidden
+    places = max(len(keys), *(len(layer.keys) for layer in layers))
+    every = around([layer.window for layer in layers])
+    for first in range(every.bottom, every.top, ROWS):
+        window = every._replace(bottom=first, top=min(first + ROWS, every.top))
+        parts = [layer.part(window, places) for layer in layers]
+        behind = padded(keys, compared, window, places)
+        alphas = [np.ones(behind[0].size, np.float32), *(color[:, 3] for color, _ in parts)]
+        share = shares(alphas, [behind.reshape(places, -1), *(own for _, own in parts)])[0]
+        hidden[slices(window, whole)] = (share <= LEAST_SHARE).reshape(behind.shape[1:])
+    return hidden
 
 
 def around(windows: Sequence[Border]) -> Border:
