@@ -60,9 +60,7 @@ def covered(scene, place: Array, is_covered: BoolArray) -> Iterator[None]:
     finally:
         # Undo may have removed it.
         if made is not None and (sheet := object_by_uid(made)) is not None:
-            materials = [*sheet.data.materials]
             delete_with_data(sheet)
-            bpy.data.batch_remove(materials)
 
 
 def _plane(scene, place: Array, shape: tuple[int, int]) -> tuple[Array, Array, Array] | None:
@@ -96,21 +94,11 @@ def _add_sheet(scene, place: Array, is_covered: BoolArray, corner: Array, across
     mesh = bpy.data.meshes.new(NAME)
     faces = np.arange(4 * len(row)).reshape(-1, 4)
     mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
-    mesh.materials.append(_hole())
     sheet = bpy.data.objects.new(NAME, mesh)
     sheet.matrix_world = place.T.tolist()
+    # A hole has no position and no light, whatever the view layer's material is.
+    sheet.is_holdout = True
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         setattr(sheet, f"visible_{kind}", False)
     scene.collection.objects.link(sheet)
     return sheet.session_uid
-
-
-def _hole():
-    """A material that ends rays, and takes no light."""
-    material = bpy.data.materials.new(NAME)
-    material.use_nodes = True  # from 5.0 every material has a tree, and the switch is deprecated
-    tree = material.node_tree
-    tree.nodes.clear()
-    hole, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Holdout", "OutputMaterial"))
-    tree.links.new(hole.outputs[0], output.inputs["Surface"])
-    return material

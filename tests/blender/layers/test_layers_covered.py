@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from engine_images import passes
 from layer_scenes import add, flexible, layered, looking, new_camera, select_only
 
 pytestmark = pytest.mark.usefixtures("built_groups")
@@ -76,3 +77,25 @@ def test_only_pixels_apart_from_needed_ones_are_covered(addon):
     for each in zip(row, first, end, strict=True):
         filled[each[0], each[1] : each[2]] = True
     np.testing.assert_array_equal(filled, is_needless)
+
+
+def test_an_override_of_materials_and_passes_see_no_sheet(scene, addon, monkeypatch, tmp_path):
+    layer, path = bpy.context.view_layer, tmp_path / "passes.exr"
+    layer.material_override = bpy.data.materials.new("Clay")
+    for name in ("z", "position", "normal"):
+        setattr(layer, f"use_pass_{name}", True)
+    new_camera("Side", bpy.data.objects["Master"].matrix_world)
+    add("DEPTH")
+    module, found = addon("cycles.layers.covered_pixels"), []
+    added = module._add_sheet
+    monkeypatch.setattr(module, "_add_sheet", lambda *given: found.append(True) or added(*given))
+    layered(filepath=str(path))
+    covered = passes(path)
+    assert found
+    path.unlink()
+    monkeypatch.setattr(module, "FEWEST", np.inf)
+    layered(filepath=str(path))
+    whole = passes(path)
+    assert len(found) == 1 and len(whole) >= 4 and whole.keys() == covered.keys()
+    for name, values in whole.items():
+        np.testing.assert_array_equal(covered[name], values, err_msg=name)
