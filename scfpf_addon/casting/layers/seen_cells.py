@@ -90,9 +90,7 @@ def _from_coarse(lower: Array, upper: Array) -> Iterator[tuple[Array, Array]]:
     """Boxes (K, 3, side, side) of COARSE to FINE cells along each axis, of those of FINE."""
     levels = [(lower, upper)]
     while lower.shape[-1] > COARSE:
-        lower, upper = (
-            f(f(side[:, :, ::2], side[:, :, 1::2])[..., ::2], f(side[:, :, ::2], side[:, :, 1::2])[..., 1::2])
-            for f, side in ((np.minimum, lower), (np.maximum, upper))
-        )
+        shape = (*lower.shape[:2], lower.shape[2] // 2, 2, lower.shape[3] // 2, 2)
+        lower, upper = lower.reshape(shape).min(axis=(3, 5)), upper.reshape(shape).max(axis=(3, 5))
         levels.append((lower, upper))
     return reversed(levels)
