@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layers, import circles, and sizes of folders, classes and functions."""
+"""Layers, import circles, and names that must be unique. Sizes are a report: `python3 dev.py sizes`."""
 
 import ast
 import functools
@@ -14,19 +14,6 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 LAYERS = ("projection", "casting", "shading", "bridge", "scanline", "cycles", "operators", "panels")
 PURE = LAYERS[:3]
 PRODUCT = ("scfpf_addon", "operators", "panels")
-MOST_MODULES, LONGEST_FILE, LONGEST_CLASS, LONGEST_FUNCTION = 16, 500, 200, 60
-# Below this many lines a module needs a reason to be one.
-SHORTEST_MODULE = 30
-REASONS = {
-    "scfpf_addon/projection/typing.py": "type names of the pure packages",
-    "scfpf_addon/shading/typing.py": "type names of shading",
-    "scfpf_addon/projection/colors.py": "colour science that several packages use",
-    "scfpf_addon/casting/common/ray_visibility.py": "bits that the bridge and shading agree on",
-    "scfpf_addon/shading/interpolation.py": "interpolation in tables, for nodes and lights",
-    "scfpf_addon/shading/nodes/operations.py": "the table of operations, above their modules",
-}
-# Blender reads property groups and panels as one class each.
-DECLARATIVE = ("PropertyGroup", "Panel")
 
 
 def is_code(path):
@@ -134,40 +121,6 @@ def test_no_folder_has_an_import_circle():
             TopologicalSorter(graph).prepare()
         except CycleError as error:
             pytest.fail(f"{'/'.join(folder)}: {' imports '.join(reversed(error.args[1]))}")
-
-
-def test_folders_are_small():
-    for folder in FOLDERS:
-        modules = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
-        assert len(modules) <= MOST_MODULES, f"{title(folder)} has {len(modules)} modules"
-
-
-def test_nothing_is_too_long():
-    faults = []
-    for path in FILES:
-        if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST_FILE:
-            faults.append(f"{title(path)} is longer than {LONGEST_FILE} lines")
-        for node in statements(path):
-            if not isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-                continue
-            is_class = isinstance(node, ast.ClassDef)
-            if is_class and any(ast.unparse(base).endswith(DECLARATIVE) for base in node.bases):
-                continue
-            lines = node.end_lineno - node.lineno + 1
-            if lines > (LONGEST_CLASS if is_class else LONGEST_FUNCTION):
-                faults.append(f"{title(path)}: {node.name} has {lines} lines")
-    assert not faults, "\n".join(faults)
-
-
-def test_modules_are_no_fragments():
-    short = {
-        title(path)
-        for path in FILES
-        if is_product(path)
-        and path.name != "__init__.py"
-        and len(path.read_text(encoding="utf-8").splitlines()) < SHORTEST_MODULE
-    }
-    assert short == set(REASONS)
 
 
 def test_tests_mirror_the_folders():
