@@ -17,7 +17,7 @@ import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from devtools import coverage, environments, own_blender, package, pictures, sizes, testing, window
+from devtools import corpus, coverage, environments, own_blender, package, pictures, sizes, testing, window
 
 # Parts of the suite without a window, the longest first, and how many run at a time: more than two cores
 # need, so that none is idle while the last ones end.
@@ -209,6 +209,11 @@ def lint_result(python):
     return testing.Result(f"lint ({time.monotonic() - started:.0f} s)", 0, failed, 0, not failed)
 
 
+def command_corpus(options, rest):
+    """Render every .blend file of a folder in every way, beside an ordinary camera, into a table."""
+    return corpus.run(rest)
+
+
 def command_sizes(options, rest):
     """Print the largest folders, files, classes and functions."""
     print(sizes.report())
@@ -230,7 +235,15 @@ def parser():
     commanded = (command_demo, command_gallery, command_recipes, command_compositions, command_showpieces)
     commanded += (command_messages,)
     commanded += (command_thumbnails, command_pictures)
-    for run in (*commanded, command_test, command_build, command_lint, command_sizes, command_bench):
+    for run in (
+        *commanded,
+        command_test,
+        command_build,
+        command_lint,
+        command_sizes,
+        command_corpus,
+        command_bench,
+    ):
         summary = run.__doc__.strip().splitlines()[0]
         command = commands.add_parser(
             run.__name__[len("command_") :], help=summary, description=summary, allow_abbrev=False

@@ -61,6 +61,7 @@ ONCE = (
     "blender/surfaces/test_surface_tools.py::test_equalised_steps_are_even_on_the_same_surface",
     "blender/surfaces/test_surface_tools.py::test_surface_to_patch_to_grid_without_changing_the_image",
     "blender/whole/test_compositions.py",
+    "blender/whole/test_corpus.py",
     "blender/whole/test_demo.py",
     "blender/whole/test_gallery.py",
     "blender/whole/test_gallery_figures.py",

@@ -241,7 +241,7 @@ def test_help_needs_nothing_but_a_python(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     commands = ["demo", "gallery", "recipes", "compositions", "showpieces", "messages", "thumbnails"]
-    commands += ["pictures", "test", "build", "lint", "sizes", "bench"]
+    commands += ["pictures", "test", "build", "lint", "sizes", "corpus", "bench"]
     assert re.findall(r"^    (\w+)(?: |$)", done.stdout, re.MULTILINE) == commands
 
 
