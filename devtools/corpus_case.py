@@ -156,8 +156,8 @@ class Case:
         eye.matrix_world = seen.evaluated_get(depsgraph).matrix_world
         drawn.collection.objects.link(eye)
         drawn.camera, drawn.render.engine = eye, "BLENDER_WORKBENCH"
-        drawn.render.resolution_x = self.scene.render.resolution_x
-        drawn.render.resolution_y = self.scene.render.resolution_y
+        for name in ("resolution_x", "resolution_y", "pixel_aspect_x", "pixel_aspect_y"):
+            setattr(drawn.render, name, getattr(self.scene.render, name))
         drawn.render.film_transparent = True
         image, _ = self.rendered("nodes", drawn)
         self.keep("nodes", image)

@@ -23,9 +23,10 @@ GROUPS = {"objects": ("scfpf", "scfpf_surface"), "scenes": ("scfpf_sampling", "s
 def make(version):
     """Save the file, its values and its images. version: as in "0_1"."""
     _set_the_stage()
-    for build in (_kinds, _meshes, _round, _polar, _lattice, _blend):
+    for build in (_kinds, _meshes, _round, _polar, _lattice, _blend, _map, _layered, _aimed):
         build(_camera(build.__name__.strip("_").title()))
     _drawn_scene()
+    _rigged_scene()
     for scene in reversed(bpy.data.scenes):
         bpy.context.window.scene = scene
         scene.frame_set(FRAME)
@@ -232,6 +233,52 @@ def _blend(camera):
     blend = bpy.context.object
     blend.name = "Blend"
     _key(blend.scfpf, "blend_factor", [0.0, 1.0])
+
+
+def _map(camera):
+    """A camera that goes over into a preset within a circle."""
+    camera.name = "Second"
+    assert bpy.ops.scfpf.camera_blend_preset(preset="curved_convergence") == {"FINISHED"}
+    blend = bpy.context.object
+    blend.name = "Map"
+    assert bpy.ops.scfpf.blend_map(kind="RADIAL") == {"FINISHED"}
+    blend.scfpf.blend_field.border = 0.3
+
+
+def _layered(camera):
+    """A ball that the image shows as another camera sees it."""
+    things = bpy.data.collections.new("Things")
+    bpy.context.scene.collection.children.link(things)
+    things.objects.link(bpy.data.objects["Blue"])
+    side = _camera("Side")
+    side.location.x = 1.5
+    given = {"camera": camera.name, "collection": things.name, "seen_by": side.name, "front": "DEPTH"}
+    assert bpy.ops.scfpf.layer_add(**given) == {"FINISHED"}
+
+
+def _aimed(camera):
+    """A volume that shows a ball from farther to the left."""
+    aim = camera.scfpf.aim
+    aim.columns, aim.rows, aim.degree = 8, 6, 2
+    assert bpy.ops.scfpf.aim_view_add(camera=camera.name, object="Red") == {"FINISHED"}
+    assert bpy.ops.scfpf.aim_turn(camera=camera.name, left=math.radians(10)) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.aim_solve(camera=camera.name) == {"FINISHED"}
+
+
+def _rigged_scene():
+    """The same objects in a scene that Cycles renders through the rig of a bent volume."""
+    bpy.context.window.scene = bpy.data.scenes["Scene"]
+    camera = _camera("Bent")
+    camera.scfpf.active_surface = 0
+    _add(camera, "PLANE", (1.0, 0.0, -8.0), Width=5.0, Height=3.0)
+    assert bpy.ops.scene.new(type="LINK_COPY") == {"FINISHED"}
+    scene = bpy.context.scene
+    scene.name, scene.camera = "Rigged", camera
+    camera.scfpf.pixel_error = 0.5
+    scene.cycles.samples, scene.cycles.max_bounces = 64, 0
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
 
 
 def _drawn_scene():

@@ -7,6 +7,7 @@ import bpy
 import earlier_file
 import numpy as np
 import pytest
+from engine_images import button, f12, write_multilayer
 
 FILES = sorted(earlier_file.FOLDER.glob("version_*.blend"))
 # Of a channel: float16 keeps 1/2000 of it.
@@ -25,3 +26,18 @@ def test_a_file_of_an_earlier_version_opens_and_renders_as_before(path):
         for name in before:
             change = np.abs(rendered[name].astype(np.float64) - before[name].astype(np.float64))
             assert change.max() < TOLERANCE, f"{name}: {change.max():.3g}"
+
+
+def test_a_rig_of_an_earlier_version_renders_by_cycles(tmp_path):
+    """F12 through the rig that the file holds is the engine's image, but for noise and silhouettes."""
+    bpy.ops.wm.open_mainfile(filepath=str(earlier_file.FOLDER / "version_1_0.blend"))
+    scene = bpy.context.window.scene = bpy.data.scenes["Rigged"]
+    assert scene.render.engine == "CYCLES" and scene.camera.name != "Bent"
+    write_multilayer(scene, tmp_path / "traced")
+    scene.scfpf_sampling.world_shadows = True
+    bpy.data.objects["Bent"].scfpf.samples = 64
+    traced = f12(scene)["ViewLayer.Combined"][..., :3]
+    drawn = button(camera="Bent")[..., :3]
+    assert drawn.std() > 0.1
+    apart = np.abs(traced - drawn).max(axis=-1)
+    assert np.median(apart) < 0.02 and np.mean(apart < 0.1) > 0.98
