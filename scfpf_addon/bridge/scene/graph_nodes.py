@@ -10,6 +10,7 @@ import numpy as np
 from ...projection.typing import Array
 from ...shading.nodes.colors import BLENDS
 from ...shading.nodes.graph import Ref
+from ...shading.nodes.light_path import OUTPUTS
 from ...shading.nodes.numbers import MATH, VECTOR_MATH, VECTOR_VALUE
 from ...shading.nodes.sky_model import Air
 from .graph_reader import NodeInputs, Outputs
@@ -34,6 +35,19 @@ def _light_falloff(inputs: NodeInputs) -> Outputs:
     if not inputs.builder.is_always(inputs.value("Smooth"), 0.0) or inputs.linked_outputs() - {"Quadratic"}:
         inputs.note()
     return {one.identifier: inputs.value("Strength") for one in inputs.node.outputs}
+
+
+def _light_path(inputs: NodeInputs) -> Outputs:
+    linked = inputs.linked_outputs()
+    if "Ray Length" in linked:
+        inputs.note(": Ray Length")
+    # The others are 0: the engine has no volumes and no portals.
+    return {
+        name: inputs.builder.one("LIGHT_PATH", row=OUTPUTS[name])
+        if name in OUTPUTS
+        else inputs.builder.constant(0.0)
+        for name in linked
+    }
 
 
 def _matrix_from(obj) -> Array:
@@ -394,6 +408,7 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "INVERT": _simple("INVERT", "Color", "Fac", "#Color"),
     "LAYER_WEIGHT": _simple("LAYER_WEIGHT", "Fresnel Facing", "Blend", "^Normal"),
     "LIGHT_FALLOFF": _light_falloff,
+    "LIGHT_PATH": _light_path,
     "MAPPING": _mapping,
     "MAP_RANGE": _map_range,
     "MATH": _math,

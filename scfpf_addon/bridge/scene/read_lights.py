@@ -9,6 +9,7 @@ from math import pi, sin
 import numpy as np
 
 from ...projection.typing import Array
+from ...shading.nodes.light_path import LAMP_LIGHT
 from ...shading.scene.shading_scene import Light
 from ..blender import versions
 from ..blender.shader_nodes import color_input, output_shaders, value_input
@@ -84,7 +85,7 @@ def read_tint(lamp) -> tuple[Array, tuple[str, ...]]:
     reading = read_graph(lamp.node_tree)
     if reading.graph is None:
         return np.zeros(3), reading.notes
-    radiance = None if reading.graph.images else uniform_radiance(reading.graph)
+    radiance = None if reading.graph.images else uniform_radiance(reading.graph, LAMP_LIGHT)
     return (_emission(lamp.node_tree), (UNEVEN,)) if radiance is None else (radiance, reading.notes)
 
 

@@ -52,10 +52,15 @@ def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]
     return radiance, None, warnings
 
 
-def uniform_radiance(graph: MaterialGraph) -> Array | None:
-    """The radiance (3,) of a graph's light, None if it depends on the direction."""
+def uniform_radiance(graph: MaterialGraph, rays: Array | None = None) -> Array | None:
+    """The radiance (3,) of a graph's light, None if it depends on the direction.
+
+    rays: the only ones that meet it, see ``shading.nodes.light_path``; for None it is the same for all rays.
+    """
     light = World(graph)
-    return light.radiance(UP)[:, 0] if light.uniform else None
+    if rays is None:
+        return light.radiance(UP)[:, 0] if light.uniform else None
+    return light.radiance(UP, rays)[:, 0] if light.lights_evenly else None
 
 
 def with_shadows(scene: Scene, wanted: bool) -> Scene:

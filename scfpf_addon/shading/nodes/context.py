@@ -23,7 +23,7 @@ class ShadingContext:
     that side too. view: (3, n) unit, towards the viewer. back: (1, n) 1 if the back of the triangle is
     visible, else 0. All float64. images: by name, without missing ones. blur: angle between neighbouring
     directions of a map, in radians. variant: (n,) the graphs' numbers in their ``GraphKind``; None for one
-    graph.
+    graph. rays: those that meet the hits, see ``light_path``; None for projectors that were not scattered.
     """
 
     geometry: Geometry
@@ -37,6 +37,7 @@ class ShadingContext:
     back: Array
     blur: float = 0.0
     variant: IndexArray | None = None
+    rays: Array | None = None
 
     @property
     def count(self) -> int:

@@ -70,7 +70,8 @@ class WorldLight:
         small = 1.0 - np.divide(ceiling, luminance, out=np.ones_like(luminance), where=luminance > ceiling)
         total = float((luminance * areas).sum())
         lamps: tuple[tuple[Array, Array], ...] = ()
-        if (luminance * small * areas).sum() >= LEAST_LAMP * total:
+        # A black world has no lamps, though rays of mirrors may see another one.
+        if total > 0.0 and (luminance * small * areas).sum() >= LEAST_LAMP * total:
             lamps = tuple(_lamps(panorama * (small * areas), LEAST_LAMP * total))
             rest = panorama * (1.0 - small)
         else:

@@ -16,6 +16,7 @@ from ...projection.typing import Array, IndexArray
 from ..nodes.context import ShadingContext, fit
 from ..nodes.graph import Closure, MaterialGraph, Operation, Ref, finite, registers
 from ..nodes.image import ImageData
+from ..nodes.light_path import WORLD_LIGHT, WORLD_SEEN
 from ..nodes.operations import OPERATIONS
 from ..typing import Single
 from ..vectors import unit
@@ -32,8 +33,10 @@ class WorldContext(ShadingContext):
     """The inputs of world nodes at unit directions (3, n), which are their generated coordinates."""
 
     @classmethod
-    def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> WorldContext:
-        """The inputs at directions (3, n). blur: angle between two of them, in radians."""
+    def of(
+        cls, direction: Array, images: Mapping[str, ImageData], blur: float, rays: Array = WORLD_SEEN
+    ) -> WorldContext:
+        """The inputs at directions (3, n). blur: angle between two of them, in radians. rays: of each."""
         count = direction.shape[1]
         return cls(
             geometry=NOWHERE,
@@ -46,6 +49,7 @@ class WorldContext(ShadingContext):
             view=-direction,
             back=np.zeros((1, count)),
             blur=blur,
+            rays=rays,
         )
 
     def layer(self, name: str, channels: int) -> tuple[Array, Array]:
@@ -87,19 +91,31 @@ class World:
 
     @property
     def uniform(self) -> bool:
-        """Return whether the light is the same in all directions: its emission depends on no input."""
+        """Return whether the light is the same in all directions and for all rays."""
+        return self._reads_only({"CONSTANT"})
+
+    @property
+    def lights_evenly(self) -> bool:
+        """Return whether the light on surfaces is the same from all directions."""
+        return self._reads_only({"CONSTANT", "LIGHT_PATH"})
+
+    def _reads_only(self, kinds: set[str]) -> bool:
+        """Return whether the emission depends on no inputs but those of these kinds of operations."""
         emission = [each for each in self.graph.closures if each.kind == "EMISSION"]
         wanted = [ref.operation for each in emission for ref in (each.weight, each.inputs["color"])]
         while wanted:
             operation = self.graph.operations[wanted.pop()]
-            if not operation.inputs and operation.kind != "CONSTANT":
+            if not operation.inputs and operation.kind not in kinds:
                 return False
             wanted.extend(ref.operation for ref in operation.inputs)
         return True
 
-    def radiance(self, direction: Array) -> Array:
-        """Radiance (3, n), at least 0, from directions (3, n) of any length, in world space."""
-        return radiance_of(self.graph, self.images, direction, 0.0)
+    def radiance(self, direction: Array, rays: Array = WORLD_SEEN) -> Array:
+        """Radiance (3, n), at least 0, from directions (3, n) of any length, in world space.
+
+        rays: those that come from there, see ``nodes.light_path``.
+        """
+        return radiance_of(self.graph, self.images, direction, 0.0, rays)
 
     @cached_property
     def light(self) -> WorldLight:
@@ -107,10 +123,10 @@ class World:
 
         Images are averaged to texels at least as large as the map's, so that no sun is missed between two.
         """
-        if self.uniform:
-            return uniform_light(*self.radiance(UP)[:, 0].tolist())
+        if self.lights_evenly:
+            return uniform_light(*self.radiance(UP, WORLD_LIGHT)[:, 0].tolist())
         images = {name: reduced(image) for name, image in self.images.items()}
-        light = radiance_of(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
+        light = radiance_of(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS, WORLD_LIGHT)
         return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
 
 
@@ -122,15 +138,16 @@ def uniform_light(red: float, green: float, blue: float) -> WorldLight:
 
 
 def radiance_of(
-    graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float
+    graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float, rays: Array
 ) -> Array:
-    """Radiance (3, n) of a graph from directions (3, n). blur: see ``WorldContext.of``."""
+    """Radiance (3, n) of a graph from directions (3, n). blur, rays: see ``WorldContext.of``."""
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
         raise_if_cancelled()
         some = slice(first, first + MOST_AT_ONCE)
-        context = WorldContext.of(unit(direction[:, some]), images, blur)
+        own = rays if rays.shape[1] == 1 else rays[:, some]
+        context = WorldContext.of(unit(direction[:, some]), images, blur, own)
         results = registers(graph, context, OPERATIONS)
         for closure in graph.closures:
             if closure.kind == "EMISSION":

@@ -98,6 +98,7 @@ class HitLighting:
             flat=flat * (1.0 - 2.0 * back),
             view=view,
             back=back,
+            rays=wave.take(which).rays,
         )
 
     def _light_made(

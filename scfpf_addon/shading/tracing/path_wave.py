@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...casting.common.hits import Hits
 from ...projection.typing import Array, BoolArray, IndexArray
+from ..nodes.light_path import path_rays
 from ..passes.light_passes import LightParts
 from ..typing import Single
 
@@ -24,7 +25,8 @@ class PathWave(NamedTuple):
     hits: their places; tangents point where light is looked for. pixel: (n,) number of the pixel sample that
     a path belongs to; several may belong to one. throughput: (3, n) share of the light that reaches it.
     on_ray: (n,) whether the path has left its projector for straight rays. from_glass: (n,) whether its last
-    scattering was a refraction. depth: (4, n) scattering events so far, by kind.
+    scattering was a refraction; singular: (n,) whether it was sharp. depth: (4, n) scattering events so far,
+    by kind.
     """
 
     hits: Hits
@@ -32,6 +34,7 @@ class PathWave(NamedTuple):
     throughput: Array
     on_ray: BoolArray
     from_glass: BoolArray
+    singular: BoolArray
     depth: NDArray[np.int16]
 
     @classmethod
@@ -44,6 +47,7 @@ class PathWave(NamedTuple):
             throughput=np.ones((3, count)),
             on_ray=np.zeros(count, bool),
             from_glass=np.zeros(count, bool),
+            singular=np.zeros(count, bool),
             depth=np.zeros((4, count), np.int16),
         )
 
@@ -64,8 +68,14 @@ class PathWave(NamedTuple):
             throughput=self.throughput.take(index, axis=1),
             on_ray=self.on_ray.take(index),
             from_glass=self.from_glass.take(index),
+            singular=self.singular.take(index),
             depth=self.depth.take(index, axis=1),
         )
+
+    @property
+    def rays(self) -> Array:
+        """The rays that meet the places, as the Light Path node tells, see ``nodes.light_path``."""
+        return path_rays(self.on_ray, self.from_glass, self.singular, self.depth)
 
     @property
     def weight(self) -> Array:

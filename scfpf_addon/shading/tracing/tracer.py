@@ -20,6 +20,8 @@ from ...projection.typing import Array, BoolArray, IndexArray
 from ..lights.lighting import Lighting
 from ..lights.shadow_catchers import Catchers
 from ..materials.coefficients import MaterialCoefficients
+from ..materials.ggx_sampling import MIRROR_ROUGHNESS
+from ..nodes.light_path import DEPTH
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
@@ -206,18 +208,22 @@ class Tracer:
 
         came: their last states. throughput: (3, n), but for directions and chance. depth: (4, n) after it.
         """
-        direction, share = self.sampler.directions(lobes, closures.take(lobes.closure), came, samples)
+        sending = closures.take(lobes.closure)
+        direction, share = self.sampler.directions(lobes, sending, came, samples)
         throughput = throughput * share
         throughput *= samples.survival(came, lobes.kind, throughput)
-        from_glass = np.where(lobes.kind == CLEAR, came.from_glass, lobes.kind == REFRACTED)
+        is_clear, roughness = lobes.kind == CLEAR, sending.rows["roughness"][0]
+        is_sharp = (roughness < MIRROR_ROUGHNESS) | (lobes.kind == REFRACTED) | (lobes.kind == MIRRORED)
+        from_glass = np.where(is_clear, came.from_glass, lobes.kind == REFRACTED)
+        singular = np.where(is_clear, came.singular, is_sharp)
         left = np.flatnonzero(throughput.any(axis=0))
         if len(left) < len(came.pixel):
             came, direction, from_glass = came.take(left), direction.take(left, 1), from_glass.take(left)
-            throughput, depth = throughput.take(left, 1), depth.take(left, 1)
+            throughput, depth, singular = throughput.take(left, 1), depth.take(left, 1), singular.take(left)
         ends = (depth > self._limits).any(axis=0)
         hits, dark = self.sampler.cast(came, direction, from_glass, ends, self._shown_beyond)
         throughput[:, dark] = 0.0
-        return PathWave(hits, came.pixel, throughput, np.ones(len(left), bool), from_glass, depth)
+        return PathWave(hits, came.pixel, throughput, np.ones(len(left), bool), from_glass, singular, depth)
 
     def _lobes(self, wave: PathWave, closures: HitClosures) -> SentLobes:
         """The lobes of closures at the wave's places."""
@@ -236,7 +242,10 @@ class Tracer:
         world = self.scene.world
         if world is None:
             return np.reshape(self.scene.world_color, (3, 1))
-        light = world.radiance(wave.hits.tangent)
+        rays = wave.rays
+        # The world is one step further than the last surface.
+        rays[DEPTH] += 1.0
+        light = world.radiance(wave.hits.tangent, rays)
         mirrored = np.flatnonzero(wave.depth[GLOSSY] > 0)
         if len(mirrored):
             light[:, mirrored] = world.light.without_lamps(
