@@ -66,6 +66,15 @@ def output_node(tree):
     return tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
 
 
+def is_fed(socket, groups: tuple = ()) -> bool:
+    """Return whether a node, or a value of a group other than a shader, feeds an input socket."""
+    source, _ = resolve(socket, groups)
+    if source.is_output:
+        # A group that has no output passes nothing on.
+        return source.node.type != "GROUP"
+    return source != socket and source.type != "SHADER"
+
+
 def output_shaders(tree, name: str = "Surface") -> Iterator[Place]:
     """The shader nodes behind an input of the active output node, as (node, groups).
 
@@ -95,6 +104,15 @@ def _constant(node, groups: tuple, name: str):
     if socket.is_output and socket.node.type not in {"RGB", "VALUE"}:
         return None
     return socket.default_value
+
+
+def constant_glow(tree):
+    """The constant colour that is linked in place of a surface's shader, (3,) float64, or None."""
+    output = output_node(tree)
+    if output is None or not is_fed(output.inputs["Surface"]):
+        return None
+    source, _ = resolve(output.inputs["Surface"])
+    return None if source.type == "SHADER" else color_input(output, (), "Surface")
 
 
 def color_input(node, groups: tuple, name: str):

@@ -210,12 +210,14 @@ def _evaluated(_scene, depsgraph):
         return
     objects = [update for update in depsgraph.updates if isinstance(update.id, bpy.types.Object)]
     lists = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
+    materials = any(depsgraph.id_type_updated(kind) for kind in ("MATERIAL", "NODETREE"))
     for source in found:
         source.looks.mark_edited(depsgraph)
         left_out = source.objects.left_out
         shown = [u for u in objects if _may_be_shown(u.id) and u.id.name_full not in left_out]
         names = {update.id.name for update in shown if update.is_updated_geometry}
-        source.mark_edited(names, bool(lists or shown))
+        moved = lists or shown or (materials and source.objects.has_other_surfaces)
+        source.mark_edited(names, bool(moved))
 
 
 @persistent

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ...casting.common.ray_visibility import CAMERA
 from ...projection.typing import Array
 from ...shading.live.live_scene import COLOR_LAYER
-from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
+from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, without_slots
 from ..scene.read_layers import read_layer
-from ..scene.read_visibility import ShownInRenders
+from ..scene.read_materials import unmet_slots, volume_only_materials
+from ..scene.read_visibility import ShownInRenders, flattened_copies
 
 
 class Attributes(NamedTuple):
@@ -95,10 +96,23 @@ Placements = dict[tuple[int, ...], Placement]
 
 
 class _KnownMesh(NamedTuple):
-    """A mesh that has been read, and the names of the objects that had it."""
+    """A mesh that has been read, and the names of the objects that had it.
+
+    parts: without the faces of some material slots, by these and the number of slots.
+    """
 
     arrays: MeshArrays
     owners: set[str]
+    parts: dict[tuple[frozenset[int], int], MeshArrays]
+
+    def part(self, hidden: frozenset[int], slots: int) -> MeshArrays:
+        """The mesh without the faces of the slots ``hidden``."""
+        if not hidden:
+            return self.arrays
+        key = hidden, slots
+        if key not in self.parts:
+            self.parts[key] = without_slots(self.arrays, hidden, slots)
+        return self.parts[key]
 
 
 class LiveObjects:
@@ -115,6 +129,7 @@ class LiveObjects:
         self._all_stale = self._changed = True
         # The number of edits that have been noted.
         self.edits = 0
+        self._volume_only: frozenset[int] = frozenset()
 
     def mark(self, names: set[str] | None) -> None:
         """Note objects whose meshes have changed, by their names; None for all."""
@@ -124,6 +139,11 @@ class LiveObjects:
             self._all_stale = True
         else:
             self._stale |= names
+
+    @property
+    def has_other_surfaces(self) -> bool:
+        """Return whether a material has lost or gained its surface since objects were read."""
+        return self._volume_only != volume_only_materials()
 
     def read(self, depsgraph, space=None, attributes: Attributes | None = None) -> Placements:
         """The placements of the objects that a viewport and renders show.
@@ -142,9 +162,12 @@ class LiveObjects:
     def _read(self, depsgraph, space) -> Placements:
         renders = ShownInRenders(depsgraph)
         self.left_out = renders.left_out
+        self._volume_only = volume_only_materials()
         shown: dict[ObjectKey, int] = {}
+        unmet: dict[ObjectKey, frozenset[int]] = {}
         fresh: dict[int, _KnownMesh] = {}
         found: Placements = {}
+        addresses: list[int] = []
         for instance in depsgraph.object_instances:
             obj = instance.object
             if obj.type != "MESH":
@@ -156,39 +179,43 @@ class LiveObjects:
             if number is None:
                 is_shown = renders.rays(obj, parent) & CAMERA and _is_in_viewport(top, space)
                 number = shown[key] = self.table.number(key) if is_shown else -1
+                unmet[key] = unmet_slots(obj)
             if number < 0:
                 continue
             matrix = np.array(instance.matrix_world, np.float64)
             if not (np.abs(matrix) <= LARGEST_COORDINATE).all():
                 continue
-            mesh = self._mesh(obj, {own.name, top.name}, fresh)
+            looks = max(len(obj.material_slots), 1)
+            mesh = self._mesh(obj, {own.name, top.name}, fresh).part(unmet[key], looks)
             if not len(mesh.triangles):
                 continue
-            looks = max(len(obj.material_slots), 1)
             place = number, *(instance.persistent_id if parent else ())
             found[place] = Placement(mesh, number, self.table.first_look(number, looks), looks, matrix)
+            addresses.append(obj.data.as_pointer())
         self._meshes = fresh
+        found = _without_flat_copies(found, addresses)
         return {
             key: old if (old := self.placements.get(key)) and old.is_same(new) else new
             for key, new in found.items()
         }
 
-    def _mesh(self, obj, owners: set[str], fresh: dict[int, _KnownMesh]) -> MeshArrays:
-        """The arrays of an object's mesh. fresh: the meshes of this reading, by their addresses."""
+    def _mesh(self, obj, owners: set[str], fresh: dict[int, _KnownMesh]) -> _KnownMesh:
+        """An object's mesh. fresh: the meshes of this reading, by their addresses."""
         address = obj.data.as_pointer()
         if address in fresh:
             fresh[address].owners.update(owners)
-            return fresh[address].arrays
+            return fresh[address]
         known = self._meshes.get(address)
         is_known = known is not None and not known.owners.isdisjoint(owners)
         # Another mesh may have taken the place of one that is gone; then its object has been evaluated.
         if known is None or not is_known or self._all_stale or not self._stale.isdisjoint(owners):
             arrays = of_mesh(obj, self._read_mesh)
             same = known is not None and _is_equal(known.arrays, arrays)
-            known = _KnownMesh(known.arrays if known is not None and same else arrays, set(owners))
+            known = known if known is not None and same else _KnownMesh(arrays, set(), {})
+            known = known._replace(owners=set(owners))
         fresh[address] = known
         known.owners.update(owners)
-        return known.arrays
+        return known
 
     def _read_mesh(self, mesh) -> MeshArrays:
         arrays = read_mesh(mesh, self._attributes.uv)
@@ -198,6 +225,16 @@ class LiveObjects:
             if values is not None:
                 arrays.layers[COLOR_LAYER] = values if arrays.kept is None else values[arrays.kept]
         return arrays
+
+
+def _without_flat_copies(placements: Placements, addresses: list[int]) -> Placements:
+    """The placements that renders show. addresses: of the meshes of all."""
+    mesh = np.unique(np.array(addresses, np.int64), return_inverse=True)[1]
+    matrix = np.array([place.matrix for place in placements.values()]).reshape(-1, 4, 4)
+    flat = flattened_copies(mesh, matrix)
+    if not flat.any():
+        return placements
+    return {key: place for (key, place), is_flat in zip(placements.items(), flat, strict=True) if not is_flat}
 
 
 def _is_in_viewport(top, space) -> bool:

@@ -15,8 +15,9 @@ from ..camera.read_projection import read_projection
 from ..layers.read_image_layers import read_image_layers
 from ..render.render_engine import ENGINE
 from ..render.render_viewport import Rectangle, camera_rectangle, viewport_eye
-from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
-from ..scene.read_visibility import ShownInRenders
+from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, without_slots
+from ..scene.read_materials import unmet_slots
+from ..scene.read_visibility import ShownInRenders, flattened_copies
 from .live_drawing import live_camera
 
 
@@ -94,16 +95,22 @@ def seen_object(context, place: Place):
 
 def _boxes(depsgraph, wanted) -> tuple[list[int], Array]:
     """The address in ``wanted`` of each instance's owner, or 0, and its box, (N, 2, 3) in the world."""
-    owners, corners, matrices = [], [], []
+    owners, corners, matrices, data = [], [], [], []
     renders = ShownInRenders(depsgraph)
     for instance in depsgraph.object_instances:
         obj, parent = instance.object, instance.parent
         owner = (parent or obj).original.as_pointer()
-        is_seen = obj.type == "MESH" and owner in wanted and renders.rays(obj, parent) & CAMERA
+        is_shown = obj.type == "MESH" and renders.rays(obj, parent) & CAMERA
+        is_seen = is_shown and owner in wanted
         owners.append(owner if is_seen else 0)
+        # Objects that are not shown share no mesh.
+        data.append(obj.data.as_pointer() if is_shown else -len(data))
         corners.append([tuple(corner) for corner in obj.bound_box] if is_seen else [(0.0, 0.0, 0.0)] * 8)
         matrices.append(np.array(instance.matrix_world, np.float64))
     matrix = np.array(matrices).reshape(-1, 4, 4)
+    mesh = np.unique(np.array(data, np.int64), return_inverse=True)[1]
+    for number in np.flatnonzero(flattened_copies(mesh, matrix)):
+        owners[number] = 0
     with np.errstate(invalid="ignore", over="ignore"):
         placed = np.array(corners, np.float64).reshape(-1, 8, 3) @ matrix[:, :3, :3].swapaxes(1, 2)
         placed += matrix[:, None, :3, 3]
@@ -112,15 +119,17 @@ def _boxes(depsgraph, wanted) -> tuple[list[int], Array]:
 
 def _meshes(depsgraph, wanted) -> list:
     """Vertices in the world and triangles of the instances that are ``wanted`` (N,), in order."""
-    read: dict[int, MeshArrays] = {}
+    read: dict[tuple[int, frozenset[int]], MeshArrays] = {}
     placed = []
     for instance, is_wanted in zip(depsgraph.object_instances, wanted, strict=True):
         if not is_wanted:
             continue
-        data = instance.object.data.as_pointer()
-        if data not in read:
-            read[data] = of_mesh(instance.object, read_mesh)
-        mesh, matrix = read[data], np.array(instance.matrix_world, np.float64)
+        obj = instance.object
+        unmet, slots = unmet_slots(obj), max(len(obj.material_slots), 1)
+        key = obj.data.as_pointer(), unmet
+        if key not in read:
+            read[key] = without_slots(of_mesh(obj, read_mesh), unmet, slots)
+        mesh, matrix = read[key], np.array(instance.matrix_world, np.float64)
         is_finite = bool((np.abs(matrix) <= LARGEST_COORDINATE).all())
         triangles = mesh.triangles if is_finite else mesh.triangles[:0]
         placed.append((mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3], triangles))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,19 +120,36 @@ def own_normals(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> 
     return (normal / np.where(length > 0.0, length, 1.0)).astype(np.float32)[:, None]
 
 
+def without_slots(mesh: MeshArrays, hidden: frozenset[int], slots: int) -> MeshArrays:
+    """The mesh without the triangles of the material slots ``hidden``, of an object that has ``slots``."""
+    # A face's slot that the object lacks is its last one.
+    keep = ~np.isin(mesh.slot.clip(0, slots - 1), list(hidden))
+    return mesh if keep.all() else _part(mesh, keep)
+
+
 def _finite(mesh: MeshArrays) -> MeshArrays:
     """The mesh without triangles whose corners are NaN or exceed LARGEST_COORDINATE."""
     if max(mesh.vertices.max(), -mesh.vertices.min()) <= LARGEST_COORDINATE:
         return mesh
     good = (np.abs(mesh.vertices) <= LARGEST_COORDINATE).all(axis=1)
+    # Unused vertices would extend the scene's bounds.
+    vertices = np.where(good[:, None], mesh.vertices, mesh.vertices[good][:1] if good.any() else 0.0)
     keep = good[mesh.triangles].all(axis=1)
-    return MeshArrays(
-        # Unused vertices would extend the scene's bounds.
-        vertices=np.where(good[:, None], mesh.vertices, mesh.vertices[good][:1] if good.any() else 0.0),
+    return replace(_part(mesh, keep), vertices=vertices, finite=False)
+
+
+def _part(mesh: MeshArrays, keep: NDArray[np.bool_]) -> MeshArrays:
+    """The mesh with only the triangles ``keep`` (T,)."""
+    kept = keep
+    if mesh.kept is not None:
+        kept = mesh.kept.copy()
+        kept[mesh.kept] = keep
+    return replace(
+        mesh,
         triangles=mesh.triangles[keep],
         normals=None if mesh.normals is None else mesh.normals[keep],
         slot=mesh.slot[keep],
-        finite=False,
         uv=None if mesh.uv is None else mesh.uv[keep],
-        kept=keep,
+        kept=kept,
+        layers={name: values[keep] for name, values in mesh.layers.items()},
     )

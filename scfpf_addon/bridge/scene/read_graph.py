@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...shading.materials.lobes import DIELECTRIC_ROUGHNESS, METAL_ROUGHNESS
 from ...shading.nodes.graph import Closure, MaterialGraph, Ref
-from ..blender.shader_nodes import output_node, resolve
+from ..blender.shader_nodes import is_fed, output_node, resolve
 from .graph_builder import GraphBuilder
 from .graph_nodes import NODES
 from .graph_reader import GraphReader, NodeInputs
@@ -36,19 +36,24 @@ UNSHOWN = {
 }
 # The colour of a shader without one.
 LIGHT_GREY = 0.8
+# Shaders of volumes: as a surface they are black.
+VOLUMES = {"PRINCIPLED_VOLUME", "VOLUME_ABSORPTION", "VOLUME_COEFFICIENTS", "VOLUME_SCATTER"}
 
 
 @dataclass(frozen=True)
 class GraphReading:
     """The surface of a material.
 
-    graph: None if the material has no surface shader. plain: whether it is an opaque surface of
-    constants, which needs no graph. notes: on parts that are not shown as they are.
+    graph: None for a black surface, or none. plain: whether it is an opaque surface of the constants of one
+    shader, which needs no graph. notes: on parts that are not shown as they are. volume_only: whether there
+    is a volume and no surface, so that no ray meets the material's faces; as in Cycles a surface that always
+    glows in black is none.
     """
 
     graph: MaterialGraph | None
     plain: bool
     notes: tuple[str, ...]
+    volume_only: bool = False
 
 
 def read_graph(tree) -> GraphReading:
@@ -57,13 +62,22 @@ def read_graph(tree) -> GraphReading:
     if output is None:
         return GraphReading(None, False, ())
     reader = SurfaceReader(NODES)
-    reader.add_closures(output.inputs["Surface"], (), reader.builder.constant(1.0))
+    surface = output.inputs["Surface"]
+    reader.add_closures(surface, (), reader.builder.constant(1.0))
     builder = reader.builder
     if not builder.closures:
-        return GraphReading(None, False, tuple(builder.notes))
+        volume = output.inputs.get("Volume")
+        volume_only = volume is not None and is_fed(volume) and not reader.has_volume
+        return GraphReading(None, False, tuple(builder.notes), volume_only)
     reflects = any(_reflects(builder, closure) for closure in builder.closures)
-    plain = len(builder.closures) == 1 and not reflects and _is_plain(builder, builder.closures[0])
+    plain = not reflects and _is_alone(surface) and _is_plain(builder, builder.closures[0])
     return GraphReading(builder.graph(reflects), plain, tuple(builder.notes))
+
+
+def _is_alone(surface) -> bool:
+    """Return whether one shader feeds a surface, without a mix or a sum of several."""
+    source, _ = resolve(surface)
+    return not source.is_output or source.node.type not in {"MIX_SHADER", "ADD_SHADER"}
 
 
 def _is_plain(builder: GraphBuilder, closure: Closure) -> bool:
@@ -99,16 +113,28 @@ def _reflects(builder: GraphBuilder, closure: Closure) -> bool:
 
 
 class SurfaceReader(GraphReader):
-    """Reads the shaders of one node tree, as closures of ``builder``."""
+    """Reads the shaders of one node tree, as closures of ``builder``.
+
+    has_volume: whether a shader of a volume is among them.
+    """
+
+    has_volume = False
 
     def add_closures(self, socket, groups: tuple, weight: Ref) -> None:
         """Add the closures behind a shader socket, with the share ``weight``."""
-        socket, groups = resolve(socket, groups)
-        if not socket.is_output or self.builder.is_always(weight, 0.0):
+        if not is_fed(socket, groups) or self.builder.is_always(weight, 0.0):
             return
-        node = socket.node
+        source, around = resolve(socket, groups)
+        if source.type != "SHADER":
+            # A color or number in a shader's place glows.
+            light = self.value(socket, groups, "RGBA")
+            self._add(Closure("EMISSION", weight, {"color": light, "normal": self.builder.normal()}))
+            return
+        node, groups = source.node, around
         inputs = NodeInputs(self, node, groups)
-        if node.type == "MIX_SHADER":
+        if node.type in VOLUMES:
+            self.has_volume = True
+        elif node.type == "MIX_SHADER":
             first, second = (each for each in node.inputs if each.type == "SHADER")
             shares = self.builder.add("REST", inputs.value("Fac"), outputs=2)
             self.add_closures(first, groups, self.builder.product(weight, shares[0]))
@@ -129,7 +155,12 @@ class SurfaceReader(GraphReader):
                 self.note(node, f": {name}")
         closure = Closure(kind, weight, CLOSURE_INPUTS[kind](inputs))
         self._note_clear(node, closure)
-        self.builder.closures.append(closure)
+        self._add(closure)
+
+    def _add(self, closure: Closure) -> None:
+        """Add a closure; one that glows in black is left out, as in Cycles."""
+        if closure.kind != "EMISSION" or not self.builder.is_always(closure.inputs["color"], 0.0):
+            self.builder.closures.append(closure)
 
     def _note_clear(self, node, closure: Closure) -> None:
         """Note the opaque shadow of a transparent surface, and rough transmission."""

@@ -6,15 +6,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 
+from ...casting.common.geometry import Geometry
 from ...projection.template_error import Message
 from ...projection.typing import Array
 from ...shading.materials.constants import Materials
 from ...shading.nodes.graph import MaterialGraph
 from ..blender import versions
-from ..blender.shader_nodes import color_input, output_node, output_shaders, resolve, value_input
-from .read_graph import read_graph
+from ..blender.shader_nodes import (
+    color_input,
+    constant_glow,
+    is_fed,
+    output_node,
+    output_shaders,
+    value_input,
+)
+from .read_graph import GraphReading, read_graph
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
 DEFAULT_F0 = 0.04
@@ -34,21 +43,25 @@ class MaterialConstants:
     grazing: float = 1.0
 
 
-# The material of faces without one, as in Cycles and EEVEE.
+# The material of faces without one, and one without a surface, as in Cycles and EEVEE.
 DEFAULT_GREY = MaterialConstants(np.full(3, 0.8))
+BLACK = MaterialConstants(np.zeros(3), roughness=1.0, specular_f0=0.0)
 
 
 class MaterialTable:
-    """The materials of a scene, each read once. Number 0 is the default grey."""
+    """The materials of a scene, each read once. Number 0 is the default grey.
+
+    unmet: the numbers of those that no ray meets, see ``GraphReading``.
+    """
 
     def __init__(self) -> None:
         self._rows = [DEFAULT_GREY]
         self.pass_indices = [0]
         self.names = [NO_MATERIAL]
         self._numbers: dict[int, int] = {}
-        self._odd: list[str] = []
         self._notes: dict[str, list[str]] = {}
         self.graphs: dict[int, MaterialGraph] = {}
+        self.unmet: set[int] = set()
 
     def number(self, material) -> int:
         """The number of an evaluated material, or of None."""
@@ -58,23 +71,24 @@ class MaterialTable:
         if key not in self._numbers:
             number = self._numbers[key] = len(self._rows)
             constants, is_complete = read_material(material)
+            if versions.uses_nodes(material):
+                reading = read_graph(material.node_tree)
+                self._note(material, reading)
+                if reading.graph is None:
+                    constants = BLACK
+                elif not (reading.plain and is_complete):
+                    self.graphs[number] = reading.graph
+                if reading.volume_only:
+                    self.unmet.add(number)
             self._rows.append(constants)
             self.pass_indices.append(material.pass_index)
             self.names.append(material.name)
-            self._add_graph(material, number, is_complete)
         return self._numbers[key]
 
-    def _add_graph(self, material, number: int, is_complete: bool) -> None:
-        """Read the material as a graph, and keep that if it is more than the constants."""
-        if not versions.uses_nodes(material):
-            return
-        reading = read_graph(material.node_tree)
+    def _note(self, material, reading: GraphReading) -> None:
+        """Note the parts of a material that images do not show."""
         for note in (*reading.notes, *_unshown(material.node_tree)):
             self._notes.setdefault(note, []).append(material.name)
-        if reading.graph is None:
-            self._odd.append(material.name)
-        elif not (reading.plain and is_complete):
-            self.graphs[number] = reading.graph
 
     def materials(self) -> Materials:
         """All materials as arrays, with colours and values in their allowed ranges."""
@@ -92,24 +106,44 @@ class MaterialTable:
         """Return whether any material may be glass."""
         return any(graph.refracts for graph in self.graphs.values())
 
+    def met(self, geometry: Geometry) -> Geometry:
+        """The part of a geometry that rays meet."""
+        kept = ~np.isin(geometry.material, list(self.unmet))
+        return geometry if kept.all() else geometry.part(kept)
+
     def warnings(self) -> tuple[str, ...]:
         """Warnings about parts of the materials that images do not show."""
-        lines = [
+        return tuple(
             Message("Not shown as it is: {0} (in {1})", Message(note), listing(names))
             for note, names in self._notes.items()
-        ]
-        if self._odd:
-            lines.append(
-                Message("Shown in viewport colors, as they have no surface: {0}", listing(self._odd))
-            )
-        return tuple(lines)
+        )
+
+
+def is_volume_only(material) -> bool:
+    """Return whether a material, or None, has a volume and no surface, see ``GraphReading``. Quick."""
+    if material is None or not versions.uses_nodes(material):
+        return False
+    output = output_node(material.node_tree)
+    has_volume = output is not None and is_fed(output.inputs["Volume"])
+    return has_volume and read_graph(material.node_tree).volume_only
+
+
+def volume_only_materials() -> frozenset[int]:
+    """The session ids of the file's materials for which ``is_volume_only`` holds."""
+    return frozenset(one.session_uid for one in bpy.data.materials if is_volume_only(one))
+
+
+def unmet_slots(obj) -> frozenset[int]:
+    """The material slots of an object whose faces no ray meets."""
+    slots = obj.material_slots
+    return frozenset(n for n, slot in enumerate(slots) if is_volume_only(slot.material))
 
 
 def _unshown(tree) -> Iterator[str]:
     """The inputs of a material's active output, besides its surface, that Cycles shows."""
     output = output_node(tree)
     for name in ("Displacement", "Volume") if output else ():
-        if resolve(output.inputs[name])[0].is_output:
+        if is_fed(output.inputs[name]):
             yield f"{output.bl_label}: {name}"
 
 
@@ -123,15 +157,18 @@ def read_material(material) -> tuple[MaterialConstants, bool]:
     """The constants of an evaluated material, and whether the material is no more than these.
 
     They come from the first Principled BSDF behind the active output, through groups, Mix and Add nodes;
-    without one from the first Diffuse, Glossy or Emission. An input that a texture feeds, and a material of
-    other shaders, takes the viewport display's colour, metallic and roughness. A material without nodes is
-    diffuse, in the viewport display's colour, as in Cycles.
+    without one from the first Diffuse, Glossy or Emission. A colour in the place of a shader glows. An input
+    that a texture feeds, and a material of other shaders, takes the viewport display's colour, metallic and
+    roughness. A material without nodes is diffuse, in the viewport display's colour, as in Cycles.
     """
     viewport = MaterialConstants(
         np.array(material.diffuse_color[:3], np.float64), material.metallic, material.roughness
     )
     if not versions.uses_nodes(material):
         return MaterialConstants(viewport.base_color, roughness=1.0, specular_f0=0.0), True
+    glow = constant_glow(material.node_tree)
+    if glow is not None:
+        return MaterialConstants(np.zeros(3), specular_f0=0.0, emission=glow), True
     shaders = list(output_shaders(material.node_tree))
     for kind, read in READERS.items():
         for node, groups in shaders:

@@ -18,7 +18,7 @@ from .light_paths import read_bounces, unshown_settings
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
 from .read_layers import read_layer
 from .read_materials import MaterialTable, listing
-from .read_visibility import LightLinks, ShownInRenders, has_hair, unshown_parts
+from .read_visibility import LightLinks, ShownInRenders, flattened_copies, has_hair, unshown_parts
 from .read_world import light_warnings, read_world, with_shadows, world_seen
 
 # Types of objects without faces that Blender's own renders show.
@@ -74,6 +74,7 @@ def read_scene(
             break
         reader.add(instance)
     geometry = join_meshes(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
+    geometry = reader.materials.met(geometry)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
     wanted = depsgraph.view_layer_eval.use_solid
@@ -236,7 +237,7 @@ class _SceneReader:
                 self._lost[VERTEX_GROUPS][name.partition(":")[2]] = None
 
     def instances(self) -> Instances:
-        """All instances with a finite transform, as arrays."""
+        """All instances with a finite transform that shows them, as arrays."""
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
@@ -245,16 +246,18 @@ class _SceneReader:
         names = list(self.object_numbers)
         for number in sorted(set(look_object[placed[~finite, 1]].tolist())):
             self._lost[BAD_PLACE][names[number]] = None
+        kept = np.flatnonzero(finite)
+        kept = kept[~flattened_copies(placed[kept, 0], matrix[kept])]
         return Instances(
-            mesh=placed[finite, 0],
-            look=placed[finite, 1],
-            matrix=matrix[finite],
+            mesh=placed[kept, 0],
+            look=placed[kept, 1],
+            matrix=matrix[kept],
             look_object=look_object,
             slots=np.array([number for _, slots in self._looks for number in slots], np.int32),
             first_slot=np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
-            visibility=None if (shown[:, 0] == EVERYWHERE).all() else shown[finite, 0].astype(np.uint8),
-            linked=shown[finite, 1] if self.links else None,
-            image_layer=shown[finite, 2].astype(np.uint8) if self._image_layers else None,
+            visibility=None if (shown[:, 0] == EVERYWHERE).all() else shown[kept, 0].astype(np.uint8),
+            linked=shown[kept, 1] if self.links else None,
+            image_layer=shown[kept, 2].astype(np.uint8) if self._image_layers else None,
         )
 
     def warnings(self) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ray visibility and holdouts of objects, and light linking, as in Cycles; notes on other settings."""
+"""What rays meet of objects and their copies, and light linking, as in Cycles; notes on other settings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...casting.common.ray_visibility import CAMERA, CATCHER, EVERYWHERE, GLASS, HOLDOUT, MIRROR, SHADOW
+from ...projection.typing import Array, BoolArray, IndexArray
 from ...shading.scene.shading_scene import Light
 from ..blender import versions
 from ..camera.flexible_camera import control_objects
@@ -23,6 +24,10 @@ RAYS = (
 
 # The Geometry Offset of a new object's Shadow Terminator, which the image does not depend on.
 USUAL_OFFSET, ROUNDING = 0.1, 1e-6
+
+# A transform flattens an object if its axes, made unit, span no more than float32's rounding, or if one is
+# shorter than float32's least normal number: Cycles has no inverse of it.
+FLATTEST, SHORTEST = float(np.finfo(np.float32).eps), float(np.finfo(np.float32).tiny)
 
 # Names of objects, and whether a collection includes or excludes each.
 Members = dict[str, bool]
@@ -42,6 +47,21 @@ def visible_rays(obj, parent, view_layer) -> int:
     if top.indirect_only_get(view_layer=view_layer):
         bits &= ~CAMERA
     return bits
+
+
+def flattened_copies(mesh: IndexArray, matrix: Array) -> BoolArray:
+    """Return which instances Cycles leaves out, (N,): copies of a mesh that their transforms flatten.
+
+    mesh: (N,) numbers of the instances' meshes. matrix: (N, 4, 4). Cycles applies the transform of an
+    instance that shares its mesh with no other; so that one is shown flat.
+    """
+    flat = np.zeros(len(mesh), bool)
+    shared = np.flatnonzero(np.bincount(mesh, minlength=1)[mesh] > 1)
+    axes = matrix[shared, :3, :3]
+    length = np.linalg.norm(axes, axis=1, keepdims=True)
+    spanned = np.abs(np.linalg.det(axes / np.maximum(length, SHORTEST)))
+    flat[shared] = (length < SHORTEST).any(axis=(1, 2)) | (spanned <= FLATTEST)
+    return flat
 
 
 def unshown_parts(obj, scene) -> Iterator[str]:

@@ -16,6 +16,7 @@ from bpy.app.handlers import persistent
 from ...bridge.blender import versions
 from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ...bridge.blender.mesh_grid import uv_layer
+from ...bridge.scene.read_materials import volume_only_materials
 from ...bridge.sync.handlers import sync as sync_volumes
 from ..table.mapping_table import image_signature
 from . import preview_drafts, preview_viewports
@@ -45,11 +46,12 @@ NET = ("point_count_u", "point_count_v", "resolution_u", "resolution_v", "use_cy
 class _State:
     """The state of the scene that a preview was last brought in step with; no Blender data.
 
-    objects, camera: signatures. faces: of each object that is shown, by session id. ids: session ids by name,
-    by which Blender's updates are told apart.
+    objects, camera: signatures. volume_only: see ``volume_only_materials``. faces: of each object that is
+    shown, by session id. ids: session ids by name, by which Blender's updates are told apart.
     """
 
     objects: bytes | None = None
+    volume_only: frozenset[int] = frozenset()
     camera: tuple | None = None
     faces: dict[int, int] = field(default_factory=dict)
     ids: dict[str, int] = field(default_factory=dict)
@@ -167,6 +169,7 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         structure_changed
         or camera_changed
         or state.objects != visibility_signature(view_layer)
+        or _has_other_surfaces(state, depsgraph)
         or _has_grown(state, depsgraph)
     ):
         _follow_members(source, view_layer, depsgraph)
@@ -200,6 +203,13 @@ def _follow_strokes(depsgraph) -> None:
                 sculpted.update_tag(refresh={"DATA"})
 
 
+def _has_other_surfaces(state: _State, depsgraph) -> bool:
+    """Return whether a material has lost or gained its surface."""
+    kinds = ("MATERIAL", "NODETREE")
+    updated = depsgraph is not None and any(depsgraph.id_type_updated(kind) for kind in kinds)
+    return updated and state.volume_only != volume_only_materials()
+
+
 def _has_grown(state: _State, depsgraph) -> bool:
     """Return whether a shown object has become so heavy that it may need a picture object of its own."""
     for update in depsgraph.updates if depsgraph is not None else ():
@@ -213,7 +223,7 @@ def _has_grown(state: _State, depsgraph) -> bool:
 
 def _follow_members(source, view_layer, depsgraph) -> None:
     state = _state(source)
-    state.objects = visibility_signature(view_layer)
+    state.objects, state.volume_only = visibility_signature(view_layer), volume_only_materials()
     wanted = shown_objects(view_layer)
     before = state.faces if depsgraph is None else {}
     state.faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...bridge.camera.flexible_camera import control_objects
+from ...bridge.scene.read_materials import unmet_slots
 
 # Types of objects that have faces, or instance a collection whose objects have some.
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}
@@ -47,6 +48,8 @@ def _is_shown(candidate, left_out: set[str]) -> bool:
     elif candidate.is_instancer and not candidate.show_instancer_for_render:
         return False
     if candidate.parent is not None and candidate.parent.instance_type in PARENTS:
+        return False
+    if candidate.material_slots and len(unmet_slots(candidate)) == len(candidate.material_slots):
         return False
     return candidate.name_full not in left_out
 

@@ -97,6 +97,30 @@ def test_an_instance_stands_for_the_object_that_makes_it(seen):
     assert seen(-1.0, 1.0) == "Instancer" and seen(-1.0, 0.0) == "Plate"
 
 
+def test_faces_of_a_volume_and_flattened_copies_are_passed(seen):
+    """A volume without a surface has no faces to meet; a flattened object vanishes if it shares its mesh."""
+    box = bpy.data.objects["Box"]
+    fog = bpy.data.materials.new("Fog")
+    if fog.node_tree is None:
+        fog.use_nodes = True
+    tree = fog.node_tree
+    tree.nodes.clear()
+    end, volume = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeVolumeScatter")
+    tree.links.new(volume.outputs[0], end.inputs["Volume"])
+    box.data.materials.append(fog)
+    assert seen(1.0, 0.0) == "Plate"
+    box.data.materials.append(None)
+    top = max(box.data.polygons, key=lambda face: face.center.z)
+    top.material_index = 1
+    assert seen(1.0, 0.0) == "Box"
+    box.scale.z = 0.0
+    assert seen(1.0, 0.0) == "Box"
+    copy = box.copy()
+    copy.location = (-1.0, 0.0, 1.0)
+    bpy.context.scene.collection.objects.link(copy)
+    assert seen(1.0, 0.0) == seen(-1.0, 0.0) == "Plate"
+
+
 def test_nothing_is_seen_in_an_empty_scene_and_by_a_broken_volume_there_is_a_message(addon, camera, seen):
     for name in ("Plate", "Box"):
         bpy.data.objects.remove(bpy.data.objects[name])
