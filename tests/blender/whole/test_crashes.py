@@ -49,6 +49,14 @@ for step in range(2):
         bpy.context.view_layer.update()
 assert "SCFPF Volume 2" not in bpy.data.node_groups and "Another" in bpy.data.node_groups
 """,
+    "a rig is rendered, without the compositor, in a scene with hair that has no bounds": """
+scene.collection.objects.link(bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair")))
+render = scene.render
+render.use_compositing = render.use_sequencer = False
+render.resolution_x, render.resolution_y, scene.cycles.samples = 16, 9, 1
+assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+assert bpy.ops.render.render() == {"FINISHED"}
+""",
     "a camera is deleted from a linked copy of its scene, which a driver reads": """
 drive(cube, scene)
 bpy.ops.scene.new(type="LINK_COPY")
