@@ -80,10 +80,10 @@ def set_node_menu(node, socket: str, setting: str, value: str) -> None:
 
 
 def settle_view_layers() -> None:
-    """Update all view layers after a handler, or anything that a handler calls, has removed objects or scenes.
+    """Update all view layers after a handler, or what it calls, has removed objects or scenes.
 
-    Blender evaluates again after such a handler, or begins a render. It crashes if view layers then lag behind
-    their objects: from 5.0 if a driver reads another scene, and in renders without compositor and sequencer.
+    Blender evaluates again after a handler, or begins a render. It crashes if view layers lag behind their
+    objects: from 5.0 if a driver reads another scene, and in renders without compositor and sequencer.
     Reading the active object updates them.
     """
     for scene in bpy.data.scenes:
