@@ -68,6 +68,8 @@ class SCFPF_PT_engine_camera(EnginePanel, bpy.types.Panel):
         row.active = camera.scfpf.enabled
         row.prop(camera.scfpf, "pixel_error")
         column.prop(scene.scfpf_sampling, "world_shadows")
+        if scene.scfpf_sampling.world_shadows:
+            column.label(text="Up to half the time again, for worlds of one color", icon="TIME")
         if not camera.scfpf.enabled:
             layout.label(text="An ordinary camera: F12 renders its view", icon="INFO")
 

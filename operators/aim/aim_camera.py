@@ -97,6 +97,8 @@ class AimAction(Action):
             if self._was_ordinary:
                 camera.scfpf.enabled = False
                 clear_surfaces(camera)
+                for scene in self._new_scenes:
+                    scene.scfpf_sampling.property_unset("world_shadows")
             raise
 
     def prepared(self, context):
@@ -111,10 +113,16 @@ class AimAction(Action):
             )
         take_up_edits(context)
         self._was_ordinary = False
+        # Their settings go with the volume if nothing comes of it.
+        self._new_scenes = [
+            each
+            for each in camera.users_scene
+            if not each.scfpf_sampling.is_property_set("world_shadows") and each.is_editable
+        ]
         if self.makes_flexible and not camera.scfpf.enabled:
             self._was_ordinary = not len(camera.scfpf.surfaces)
             if len(camera.scfpf.surfaces):
-                make_flexible(camera)
+                make_flexible(camera, again=True)
             else:
                 volume_from_camera(camera, context.scene)
             context.view_layer.update()

@@ -97,7 +97,7 @@ class SCFPF_OT_camera_toggle(Action, bpy.types.Operator):
         if camera.scfpf.enabled:
             camera.scfpf.enabled = False
         elif len(camera.scfpf.surfaces) > 0:
-            make_flexible(camera)
+            make_flexible(camera, again=True)
         else:
             volume_from_camera(camera, context.scene)
 

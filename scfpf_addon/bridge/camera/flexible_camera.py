@@ -51,15 +51,37 @@ class NewSurface(NamedTuple):
     points: object = None
 
 
-def make_flexible(camera) -> None:
+def make_flexible(camera, again: bool = False) -> None:
     """Switch flexible projection on and make the volume object; the surfaces stay unchanged.
 
-    Raises FlexibleCameraError if the object is not a camera or cannot be edited.
+    again: whether the camera was flexible earlier. If it is the first one of its scenes otherwise, they get
+    the settings of new scenes. Raises FlexibleCameraError if the object is not a camera or cannot be edited.
     """
     _require_camera(camera)
     if not camera.scfpf.enabled:
+        if not again:
+            for scene in _scenes_without_others(camera):
+                _begin_sampling(scene)
         camera.scfpf.enabled = True
     sync_volume_object(camera)
+
+
+def _begin_sampling(scene) -> None:
+    """Give a scene the settings that new ones have, where none is set.
+
+    Files keep no property that has its default value, so another default would change them.
+    """
+    options = scene.scfpf_sampling
+    if scene.is_editable and not options.is_property_set("world_shadows"):
+        options.world_shadows = True
+
+
+def _scenes_without_others(camera) -> list:
+    """The scenes of a camera that have no other flexible one, switched on or off."""
+    others = (each for each in all_cameras() if each != camera)
+    flexible = (each for each in others if each.scfpf.enabled or len(each.scfpf.surfaces))
+    taken = {scene for each in flexible for scene in each.users_scene}
+    return [scene for scene in camera.users_scene if scene not in taken]
 
 
 def _require_camera(camera) -> None:
