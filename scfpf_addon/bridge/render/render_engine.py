@@ -9,12 +9,14 @@ import threading
 import time
 
 import bpy
+from bpy.app.handlers import persistent
 
+from ..blender.app_handlers import add_handlers, remove_handlers
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
 from .render_delivery import Delivery
 from .render_errors import RenderError, failure_message, told
-from .render_inputs import RenderInputs, read_inputs, with_motion
+from .render_inputs import RenderInputs, read_inputs, with_light_warnings, with_motion
 from .render_passes import layer_warnings, list_render_passes
 from .render_viewport import ViewportRender, stop_all
 from .scene_preparation import BUILDING, prepare_scene
@@ -26,6 +28,8 @@ GIVEN_UP = "SCFPF was disabled during the render: enable it and render again"
 
 # Set while the add-on is disabled until a running job of this engine has ended.
 _given_up = threading.Event()
+# The warnings that the running job has reported: an animation makes an engine for each of its frames.
+_said: set[str] = set()
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -58,12 +62,11 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
                 ]
                 for delivery in deliveries:
                     ends.callback(delivery.close)
-                said: set[str] = set()
                 for delivery in deliveries:
                     # From here on Blender returns the camera of this view, if it has one of its own.
                     self.active_view_set(delivery.view)
                     # No local name holds the inputs: see prepare_scene.
-                    self._make(self._read(depsgraph, delivery, said), delivery)
+                    self._make(self._read(depsgraph, delivery), delivery)
             if _given_up.is_set():
                 self._fail(GIVEN_UP)
         except Exception as error:  # Blender would print it and report success.
@@ -84,8 +87,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self.viewport = ViewportRender()
         return self.viewport
 
-    def _read(self, depsgraph, delivery: Delivery, said: set[str]) -> RenderInputs:
-        """Read the inputs of a view. said: warnings that were reported; those of the view are added."""
+    def _read(self, depsgraph, delivery: Delivery) -> RenderInputs:
+        """Read the inputs of a view, and report the warnings that the job has not reported yet."""
         size = self.resolution_x, self.resolution_y
         require_size(*size)
         camera = self.camera_override or depsgraph.scene.camera
@@ -108,13 +111,15 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             cancelled=cancelled,
             eye=eye,
         )
+        if not cancelled():
+            inputs = with_light_warnings(inputs, depsgraph)
         layer = depsgraph.view_layer_eval
         warnings = (*inputs.scene.warnings, *layer_warnings(self.render, layer, camera.scfpf.enabled))
         # Warnings about a scene that was read in part would be wrong.
         for warning in () if cancelled() else warnings:
-            if warning not in said:
+            if warning not in _said:
                 self.report({"WARNING"}, told(warning))
-        said.update(warnings)
+                _said.add(warning)
         return with_motion(inputs, depsgraph, camera, self.frame_set, cancelled, eye)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
@@ -151,6 +156,14 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self.error_set(message)
 
 
+@persistent
+def _job_begins(*_):
+    _said.clear()
+
+
+HANDLERS = {"render_init": _job_begins}
+
+
 def give_up() -> None:
     """Cancel the job that renders with this engine; it reports an error, so that no file is written."""
     _given_up.set()
@@ -173,12 +186,14 @@ def _leave():
 
 def register():
     bpy.utils.register_class(SCFPF_RenderEngine)
+    add_handlers(HANDLERS)
     if bpy.app.module:
         atexit.register(_leave)
 
 
 def unregister():
     stop_all()
+    remove_handlers(HANDLERS)
     atexit.unregister(_leave)
     # Blender switches add-ons off after Python's exit functions have run.
     if SCFPF_RenderEngine.is_registered:

@@ -23,6 +23,7 @@ from ..layers.read_image_layers import ReadLayers, read_image_layers
 from ..scene.read_images import with_images
 from ..scene.read_motion import MotionReader, read_moments, read_neighbours
 from ..scene.read_scene import never, read_scene
+from ..scene.read_world import missing_light_warnings
 from ..scene.render_depsgraph import with_render_depsgraph
 from ..settings.sampling import sampling_of
 from ..settings.stylised_properties import stylised_of
@@ -61,6 +62,15 @@ def ready_size(scene, camera) -> tuple[int, int]:
     return size
 
 
+def with_light_warnings(inputs: RenderInputs, depsgraph) -> RenderInputs:
+    """Add warnings about light that the image lacks; drawn pictures have their own light."""
+    if inputs.settings.stylised:
+        return inputs
+    scene = inputs.scene
+    found = missing_light_warnings(scene, inputs.projection, depsgraph.scene_eval)
+    return replace(inputs, scene=replace(scene, warnings=(*scene.warnings, *found)))
+
+
 def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> RenderInputs:
     """Read the inputs of an image of ``view_layer`` through ``camera``, as evaluated for a render.
 
@@ -71,6 +81,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
 
     def read(depsgraph, set_frame) -> RenderInputs:
         inputs = read_inputs(depsgraph, camera, size, pixel_error=pixel_error)
+        inputs = with_light_warnings(inputs, depsgraph)
         return with_motion(inputs, depsgraph, camera, set_frame)
 
     inputs = with_render_depsgraph(scene, view_layer, read, with_time=True)

@@ -10,6 +10,8 @@ import numpy as np
 
 from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.volume.viewing_volume import Projection
+from ...shading.missing_light import missing_light
 from ...shading.nodes.graph import MaterialGraph
 from ...shading.scene.shading_scene import Scene
 from ...shading.scene.world import UP, World
@@ -27,6 +29,19 @@ EVEN = Message(
     "The world is one color, whose light has no shadows here: switch on World Shadows in the panel Sampling "
     "of Render Properties, or use Cycles through the rig of the Cycles panel"
 )
+GLOW = Message(
+    "Glowing materials light no other objects here, and much of this picture's light would be theirs: add "
+    "lights in their places, or use Cycles through the rig of the Cycles panel"
+)
+
+INDOORS = Message(
+    "Light does not bounce here, so that rooms and other enclosed places come out too dark: add lights, or "
+    "use Cycles through the rig of the Cycles panel"
+)
+# The shares from which the light that an image lacks is named: of glowing things in all light, and of the
+# directions in which places meet other things. Streets and courtyards have up to two thirds of the latter.
+MUCH_GLOW, ENCLOSED = 0.1, 0.8
+
 # The world of a new file. Beside lamps, the shadows of such a faint one hardly show.
 FAINT = 0.051
 
@@ -105,6 +120,20 @@ def light_warnings(scene: Scene) -> tuple[str, ...]:
     """A warning about a scene that only glowing surfaces light: they light no others here."""
     lit = scene.world is not None or scene.lights or np.any(scene.world_color)
     return () if lit or not shows_world(scene) or not _glows(scene) else (DARK,)
+
+
+def missing_light_warnings(scene: Scene, projection: Projection, evaluated) -> tuple[str, ...]:
+    """Warnings about light that the image of a scene lacks beside Cycles'.
+
+    projection: in world space. evaluated: the scene's datablock, whose bounces count.
+    """
+    if DARK in scene.warnings or not shows_world(scene):
+        return ()
+    lacks = missing_light(scene, projection)
+    cycles = getattr(evaluated, "cycles", None)
+    bounces = cycles is None or min(cycles.max_bounces, cycles.diffuse_bounces) > 0
+    named = {GLOW: lacks.glow > MUCH_GLOW, INDOORS: bounces and lacks.is_lit and lacks.enclosed > ENCLOSED}
+    return tuple(text for text, is_named in named.items() if is_named)
 
 
 def _glows(scene: Scene) -> bool:

@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An estimate of the light that images lack: that of glowing things on others, and bounces between things.
+
+It is made at some places that the image shows, before it is rendered. Only the largest triangles are cast at:
+walls are large, and the estimate need not be finer.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.common.geometry import Geometry, renumbered
+from ..casting.common.hits import NothingToCastAt
+from ..casting.common.ray_visibility import SHADOW, visible_to
+from ..casting.continuation import first_triangles
+from ..casting.scene.cast_scene import CastScene
+from ..projection.colors import LUMINANCE
+from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.volume.viewing_volume import Projection
+from .nodes.context import ShadingContext
+from .nodes.graph import MaterialGraph
+from .nodes.light_path import WORLD_LIGHT
+from .scene.shading_scene import Light, Scene
+from .scene.sky_map import map_areas, map_directions
+from .scene.world import UP, WorldContext
+from .tracing.closure_table import closures_at
+from .vectors import dot
+
+# Image positions across and up, rays from each place, and the most triangles that they can meet.
+ACROSS, UPWARD, RAYS, LARGEST = 24, 16, 16, 20_000
+# Triangles whose areas are computed at once, and the most glowing ones whose light is summed.
+AT_ONCE, MOST_GLOWING = 1 << 18, 512
+# The most lamps, the brightest, and rows of the world's map.
+MOST_LAMPS, WORLD_ROWS = 16, 8
+# Fewer places tell nothing.
+FEWEST = 8
+# Straight pieces of a curved projector.
+PIECES = 24
+
+
+class MissingLight(NamedTuple):
+    """The light that an image lacks, as means over places that it shows.
+
+    glow: the share of glowing things in the light that arrives, in [0, 1]. enclosed: the share of directions
+    in which a place meets things that do not glow, in [0, 1]. is_lit: whether any light arrives.
+    """
+
+    glow: float = 0.0
+    enclosed: float = 0.0
+    is_lit: bool = False
+
+
+class _Places(NamedTuple):
+    """N places that the image shows, in cast space.
+
+    scene: the largest triangles. occluders: those of them that cast shadows, None for none. numbers: (K,) of
+    the largest in the geometry. triangle: (N,) of the places, among them. position: (3, N). normal: (3, N)
+    unit, to the side that is seen.
+    """
+
+    scene: CastScene
+    occluders: CastScene | None
+    numbers: IndexArray
+    triangle: IndexArray
+    position: Array
+    normal: Array
+
+    def is_open(self, direction: Array, distance: Array) -> BoolArray:
+        """Return whether nothing is between the places and what is in unit directions at distances, (N,)."""
+        if self.occluders is None:
+            return np.ones(len(self.triangle), bool)
+        origin = self.scene.offset_origins(self.position, self.triangle, direction)
+        return ~self.occluders.occluded(origin, direction, distance)
+
+
+def missing_light(scene: Scene, projection: Projection) -> MissingLight:
+    """Estimate the light that a scene's image lacks. projection: in world space."""
+    radiance = emitted(scene)
+    glows = (radiance > 0.0).take(scene.geometry.material)
+    places = _places(scene.geometry, projection, glows)
+    if places is None:
+        return MissingLight()
+    hidden = _hidden(places, glows.take(places.numbers))
+    own = np.zeros_like(hidden)
+    if glows.any():
+        own = _glow_irradiance(scene.geometry, radiance, glows, places)
+    total = own + _world_irradiance(scene) * (1.0 - hidden) + _lamp_irradiance(scene, places)
+    glow = np.divide(own, total, out=np.zeros_like(own), where=total > 0.0)
+    return MissingLight(float(glow.mean()), float(hidden.mean()), bool(total.any()))
+
+
+def emitted(scene: Scene) -> Array:
+    """The luminance that each material emits to others, (M,); of graphs the mean over directions."""
+    found: Array = np.asarray(scene.materials.emission, np.float64) @ LUMINANCE
+    context = WorldContext.of(map_directions(8, 4), scene.images, 0.0, WORLD_LIGHT)
+    used = set(np.unique(scene.geometry.material).tolist())
+    for number, graph in scene.materials.graphs.items():
+        found[number] = _graph_emission(graph, context) if number in used and graph.shines else 0.0
+    return np.nan_to_num(found).clip(0.0)
+
+
+def _graph_emission(graph: MaterialGraph, context: ShadingContext) -> float:
+    total = sum(LUMINANCE @ (rows["emission"] * rows["weight"]) for rows, _ in closures_at(graph, context))
+    return float(np.mean(total))
+
+
+def _places(geometry: Geometry, projection: Projection, glows: BoolArray) -> _Places | None:
+    """Places that an image shows and that do not glow; None if they are too few."""
+    numbers = _largest(geometry)
+    used, triangles = renumbered(geometry.triangles.take(numbers, axis=0), len(geometry.vertices))
+    try:
+        scene = CastScene(geometry.vertices.take(used, axis=0), triangles)
+    except NothingToCastAt:
+        return None
+    triangle, position, ahead = _first_hits(scene, projection.transformed(scene.matrix))
+    shown = np.flatnonzero(~glows.take(numbers.take(triangle)))
+    if len(shown) < FEWEST:
+        return None
+    triangle, position, ahead = triangle.take(shown), position.take(shown, 1), ahead.take(shown, 1)
+    normal = scene.normals(triangle)
+    normal *= np.copysign(1.0, -dot(normal, ahead))
+    rays = geometry.visibility
+    occluders = scene.only(None if rays is None else visible_to(rays.take(numbers), SHADOW))
+    return _Places(scene, occluders, numbers, triangle, position, normal)
+
+
+def _first_hits(scene: CastScene, projection: Projection) -> tuple[IndexArray, Array, Array]:
+    """Triangles (N,) that projectors meet, the places (3, N) and the directions (3, N) in which they come.
+
+    projection: in cast space. Projectors are taken for polylines, which is coarse and quick.
+    """
+    x, y = np.meshgrid((np.arange(ACROSS) + 0.5) / ACROSS, (np.arange(UPWARD) + 0.5) / UPWARD)
+    projectors, spans = projection.projectors(x.ravel(), y.ravel()), projection.volume.spans
+    weights, _ = spans.weights(np.linspace(0.0, 1.0, 2 if spans.is_straight else PIECES + 1))
+    curve = np.einsum("ks,kcn->scn", weights, projectors.points)
+    left = np.flatnonzero(projectors.valid & np.isfinite(curve).all(axis=(0, 1)))
+    found: list[tuple[IndexArray, Array, Array]] = []
+    for start, end in pairwise(curve):
+        origin, way = start.take(left, 1), (end - start).take(left, 1)
+        limits = np.ones(len(left), np.float32)
+        triangle = scene.mesh.trace(origin.astype(np.float32), way.astype(np.float32), limits)
+        met = np.flatnonzero(triangle >= 0)
+        first, ahead = triangle.take(met), way.take(met, 1)
+        height, slope = scene.heights(origin.take(met, 1), first), dot(scene.normals(first), ahead)
+        share = np.divide(height, -slope, out=np.zeros_like(height), where=slope != 0.0)
+        found.append((first, origin.take(met, 1) + ahead * np.clip(share, 0.0, 1.0), ahead))
+        left = left[triangle < 0]
+    triangle, position, ahead = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    return triangle, position, ahead
+
+
+def _largest(geometry: Geometry) -> IndexArray:
+    """The numbers of the largest triangles, in order."""
+    count = len(geometry.triangles)
+    kept, size = np.zeros(0, np.intp), np.zeros(0)
+    for first in range(0, count, AT_ONCE):
+        more = np.arange(first, min(first + AT_ONCE, count))
+        kept, size = np.concatenate([kept, more]), np.concatenate([size, _areas(geometry, more)])
+        if len(kept) > LARGEST:
+            best = np.argpartition(size, len(size) - LARGEST)[-LARGEST:]
+            kept, size = kept.take(best), size.take(best)
+    return np.sort(kept)
+
+
+def _areas(geometry: Geometry, which: IndexArray) -> Array:
+    """The areas of triangles ``which`` (n,)."""
+    first, second, third = _corners(geometry, which)
+    area: Array = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    return area
+
+
+def _corners(geometry: Geometry, which: IndexArray) -> tuple[Array, Array, Array]:
+    vertex = geometry.triangles.take(which, axis=0)
+    first, second, third = (geometry.vertices.take(vertex[:, k], axis=0) for k in range(3))
+    return first, second, third
+
+
+def _hidden(places: _Places, glows: BoolArray) -> Array:
+    """The shares (N,) of directions, weighted by their cosines, in which places meet what does not glow.
+
+    glows: (K,) whether the triangles do.
+    """
+    generator = np.random.default_rng(0)
+    count = places.position.shape[1]
+    met = np.zeros(count)
+    for _ in range(RAYS):
+        # A unit vector added to the normal is distributed by its cosine.
+        ball = generator.normal(size=(3, count))
+        direction = places.normal + ball / np.linalg.norm(ball, axis=0)
+        direction /= np.maximum(np.linalg.norm(direction, axis=0), 1e-9)
+        origin = places.scene.offset_origins(places.position, places.triangle, direction)
+        found = first_triangles(places.scene, origin, direction)
+        met += (found >= 0) & ~glows.take(found)
+    return met / RAYS
+
+
+def _glow_irradiance(geometry: Geometry, radiance: Array, glows: BoolArray, places: _Places) -> Array:
+    """The irradiance (N,) of glowing triangles, without shadows; both sides glow.
+
+    radiance: (M,) of materials. glows: (T,) of triangles.
+    """
+    which = np.flatnonzero(glows)
+    share = 1.0
+    if len(which) > MOST_GLOWING:
+        share = len(which) / MOST_GLOWING
+        which = np.sort(np.random.default_rng(0).choice(which, MOST_GLOWING, replace=False))
+    corners = _corners(geometry, which)
+    # In cast space, where lengths are relative: areas and squares of distances are so alike.
+    middle = (sum(corners) / 3.0 - places.scene.centre).T * places.scene.scale
+    across = np.cross(corners[1] - corners[0], corners[2] - corners[0]).T * 0.5 * places.scene.scale**2
+    area = np.linalg.norm(across, axis=0)
+    power = radiance.take(geometry.material.take(which)) * share
+    way = middle[:, None] - places.position[:, :, None]
+    square = np.einsum("cng,cng->ng", way, way)
+    received = np.maximum(np.einsum("cng,cn->ng", way, places.normal), 0.0)
+    sent = np.abs(np.einsum("cng,cg->ng", way, across))
+    # A triangle's own area bounds the light near to it.
+    arriving: Array = (power * received * sent / np.maximum(square * (square + area), 1e-30)).sum(axis=1)
+    return arriving
+
+
+def _world_irradiance(scene: Scene) -> float:
+    """The irradiance of the world where nothing hides it."""
+    world = scene.world
+    if world is None:
+        return float(np.pi * (LUMINANCE @ scene.world_color))
+    if world.lights_evenly:
+        return float(np.pi * (LUMINANCE @ world.radiance(UP, WORLD_LIGHT)[:, 0]))
+    directions = map_directions(2 * WORLD_ROWS, WORLD_ROWS)
+    light = LUMINANCE @ world.radiance(directions, WORLD_LIGHT)
+    areas = np.repeat(map_areas(2 * WORLD_ROWS, WORLD_ROWS), 2 * WORLD_ROWS)
+    return float(np.pi * (light * areas).sum() / areas.sum())
+
+
+def _lamp_irradiance(scene: Scene, places: _Places) -> Array:
+    """The irradiance (N,) of the brightest lamps, as from a point or a direction each, with shadows."""
+    arriving = np.zeros(places.position.shape[1])
+    power = [float(LUMINANCE @ light.color) for light in scene.lights]
+    for number in np.argsort(power)[::-1][:MOST_LAMPS]:
+        arriving += power[number] * _lamp_share(scene.lights[number], places)
+    return arriving
+
+
+def _lamp_share(light: Light, places: _Places) -> Array:
+    """The irradiance (N,) of a lamp of power 1."""
+    matrix, scale = np.asarray(light.matrix, np.float64), places.scene.scale
+    if light.kind == "SUN":
+        direction = np.broadcast_to(matrix[:3, 2:3], places.position.shape)
+        distance, strength = np.full(1, np.inf), np.ones(1)
+    else:
+        way = ((matrix[:3, 3] - places.scene.centre) * scale)[:, None] - places.position
+        distance = np.maximum(np.linalg.norm(way, axis=0), 1e-9)
+        direction = way / distance
+        strength = (scale / distance) ** 2 / (4.0 * np.pi)
+        facing = np.einsum("c,cn->n", matrix[:3, 2], direction)
+        if light.kind == "AREA":
+            strength = strength * 4.0 * np.maximum(facing, 0.0)
+        elif light.kind == "SPOT":
+            strength = strength * (facing >= np.cos(0.5 * light.spot_angle))
+    received = np.maximum(dot(places.normal, direction), 0.0) * strength
+    if light.casts_shadow:
+        received = received * places.is_open(direction, distance)
+    return received
