@@ -11,8 +11,15 @@ from __future__ import annotations
 
 import bpy
 
-from ..bridge.blender.drivers import add_scene_property, new_driver
-from ..bridge.blender.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
+from ..bridge.blender.drivers import new_driver
+from ..bridge.blender.rig_mark import (
+    HIDDEN_RAYS,
+    HIDING,
+    OTHER_HIDING,
+    add_mark,
+    has_other_animation,
+    is_hiding,
+)
 from ..bridge.blender.scene_objects import holds
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.sync.handlers import camera_objects
@@ -104,13 +111,11 @@ def _is_hidden(surface, ray: str) -> bool:
 def _hide(surface) -> None:
     for ray in HIDDEN_RAYS:
         curve = _curve(surface, ray)
-        has_driver = curve is not None and curve.driver is not None
+        driver = None if curve is None else curve.driver
+        has_driver = driver is not None and driver.expression != OTHER_HIDING
         if has_driver or (curve is None and not getattr(surface, ray)):
             continue
-        driver = new_driver(surface, ray, HIDING)
-        target = add_scene_property(driver, "camera.data.ortho_scale", "width")
-        # A scene may have no camera, or an object that has no lens.
-        target.use_fallback_value, target.fallback_value = True, 0.0
+        add_mark(new_driver(surface, ray, HIDING))
 
 
 def _show(obj) -> None:

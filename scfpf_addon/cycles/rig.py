@@ -28,12 +28,15 @@ from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError
 from .portals.sheets import has_no_area, image_places
 from .rig_data import (
     CYCLES,
+    SAME_SCREEN,
     RigError,
     adopt,
     check_surfaces,
+    fit_screen,
     has_old_nodes,
     is_whole,
     make_rig,
+    mark_camera,
     present_chords,
     release_pointers,
     remove_rig,
@@ -203,10 +206,13 @@ def _fit_chords(rig, projection: Projection, structure_changed: bool) -> str:
     fine = error <= max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR)
     fine = fine and all(has >= wants for has, wants in zip(settings.cells, chords.cells, strict=True))
     if settings.animated and not structure_changed:
+        # Its screen is for all frames, as its chords are.
         return "" if fine or chords.count >= MOST_CHORDS else STALE
     if structure_changed or not fine or chords.count < ENOUGH * settings.chords:
         settings.animated = False
         write_sheets(rig, chords)
+    else:
+        fit_screen(rig, chords, SAME_SCREEN)
     return ""
 
 
@@ -299,6 +305,7 @@ def _file_loaded(*_) -> None:
     _seen.clear()
     forget_all()
     for rig in rigs():
+        mark_camera(rig)
         # The file, or one that it links, may have been changed without the add-on.
         if is_whole(rig):
             stop_skipping(rig)

@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 
 from ..bridge.blender import versions
-from ..bridge.blender.drivers import add_scene_property, follow_property, new_driver
+from ..bridge.blender.drivers import follow_property, new_driver
 from ..bridge.blender.modifier_inputs import renew_relations, set_inputs
-from ..bridge.blender.rig_mark import HIDDEN_RAYS, RIG_KEY, WIDTH
+from ..bridge.blender.rig_mark import HIDDEN_RAYS, MARK_KEY, RIG_KEY, add_mark
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
@@ -24,7 +24,6 @@ from ..scanline.generated_collection import (
     follow_image_size,
     is_complete,
     linked_text,
-    new_orthographic_camera,
     remove_generated,
     remove_unused_groups,
 )
@@ -36,7 +35,8 @@ from .chords.chord_plan import ChordPlan
 from .portals import lens_nodes, pass_nodes, portal_nodes
 from .portals.mapped_positions import mapped_positions
 from .portals.paths import Faces
-from .portals.portal_nodes import AWAY, BEFORE_SCREEN, ONWARD, TO_SCREEN
+from .portals.portal_nodes import DEPTH, ONWARD
+from .portals.screen import Screen, is_about, place_camera, place_dicing_camera, screen_for, screen_of
 from .portals.sheets import Portals, portals, sheet_shape
 
 MODIFIER = "SCFPF Portals"
@@ -49,6 +49,12 @@ UNSEEN_BY = tuple(ray for ray in HIDDEN_RAYS if ray != "visible_camera")
 # Transparent bounces in addition to the chords: the screen, the far sheet, and one to spare.
 MORE_BOUNCES = 3
 MOST_BOUNCES = 1024
+# Cycles' offscreen scale of subdivision that is as fine outside the view as inside.
+SAME_OFFSCREEN = 1.0
+# The present layout of rigs, whose screens fit the pixels; those of other versions have 0.
+LAYOUT = 1
+# Screens that differ by this factor less than e are left alone when the volume is edited.
+SAME_SCREEN = 0.1
 CYCLES = "CYCLES"
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
@@ -136,10 +142,15 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bo
     """
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
-    width = _own_width()
-    portal_object = _new_portals(camera, scene, width)
-    view_camera = _new_view_camera(camera, width)
-    for part in (portal_object, view_camera):
+    mark = _own_mark()
+    portal_object = _new_portals(camera, scene, mark)
+    view_camera = _new_camera(f"{camera.name} Cycles")
+    view_camera[MARK_KEY] = mark
+    assert chords.cone is not None
+    place_camera(view_camera, screen_for(chords.cone))
+    dicing_camera = _new_camera(f"{camera.name} Cycles Dicing")
+    place_dicing_camera(dicing_camera, camera, chords.cone)
+    for part in (portal_object, view_camera, dicing_camera):
         rig.objects.link(part)
         part.hide_select = True
         part.hide_viewport = True
@@ -148,8 +159,10 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bo
     rig.color_tag = "COLOR_05"
     settings = rig.scfpf_rig
     settings.is_rig, settings.passing, settings.passes = True, passing, passes
+    settings.layout = LAYOUT
     settings.camera, settings.scene = camera, scene
     settings.portals, settings.view_camera = portal_object, view_camera
+    settings.dicing_camera = dicing_camera
     update_nodes(rig)
     scene.collection.children.link(rig)
     _take_over(rig)
@@ -157,28 +170,17 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bo
     return rig
 
 
-def _own_width() -> float:
-    """A screen width that no other rig has: the sheets recognise their camera by it."""
-    taken = {rig.scfpf_rig.view_camera.data.ortho_scale for rig in rigs() if rig.scfpf_rig.view_camera}
-    return next(WIDTH + number for number in range(len(taken) + 1) if WIDTH + number not in taken)
+def _own_mark() -> int:
+    """The number of a new rig, which no other rig has."""
+    taken = {rig.scfpf_rig.view_camera.get(MARK_KEY) for rig in rigs() if rig.scfpf_rig.view_camera}
+    return next(number for number in range(1, len(taken) + 2) if number not in taken)
 
 
-def _new_view_camera(camera, width: float):
-    view_camera = new_orthographic_camera(f"{camera.name} Cycles", width)
-    _place(view_camera)
-    return view_camera
+def _new_camera(name: str):
+    return bpy.data.objects.new(name, bpy.data.cameras.new(name))
 
 
-def _place(view_camera) -> None:
-    """Put a rig's camera where the nodes expect it before the screen; other versions put it elsewhere."""
-    view_camera.location.z = -AWAY
-    lens = view_camera.data
-    lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
-    # Eyes apart would look past the screen.
-    lens.stereo.interocular_distance = 0.0
-
-
-def _new_portals(camera, scene, width: float):
+def _new_portals(camera, scene, mark: int):
     name = f"{camera.name} Portals"
     mesh = bpy.data.meshes.new(name)
     _give_materials(mesh, scene, camera)
@@ -188,10 +190,14 @@ def _new_portals(camera, scene, width: float):
         setattr(made, name, False)
     # Sheets stay where they are in the middle of the frame: their directions would not be blurred with them.
     made.cycles.use_motion_blur = False
-    # The scene is the rendered one: several may share the rig.
-    driver = new_driver(made, "hide_render", f"width != {width:.0f}")
-    add_scene_property(driver, "camera.data.ortho_scale", "width")
+    _hide_from_others(made, mark)
     return made
+
+
+def _hide_from_others(portal_object, mark: int) -> None:
+    """Hide a rig's sheets from the renders of all cameras but its own."""
+    # The scene is the rendered one: several may share the rig.
+    add_mark(new_driver(portal_object, "hide_render", f"mark != {mark}"))
 
 
 def _give_materials(mesh, scene, camera) -> None:
@@ -206,8 +212,10 @@ def _give_materials(mesh, scene, camera) -> None:
 
 
 def renew_materials(rig) -> None:
-    """Replace a rig's materials: another version of the add-on may have made them."""
+    """Replace a rig's materials and its mark: another version of the add-on may have made them."""
     settings = rig.scfpf_rig
+    _hide_from_others(settings.portals, settings.view_camera[MARK_KEY])
+    settings.layout = LAYOUT
     mesh = settings.portals.data
     before = set(mesh.materials) - {None}
     _give_materials(mesh, settings.scene, settings.camera)
@@ -226,8 +234,11 @@ def _take_over(rig) -> None:
         if marker.camera == camera:
             marker.camera = view_camera
     if scene.cycles.dicing_camera is None:
-        # Adaptive subdivision would see the scene from where the rig's camera is.
-        scene.cycles.dicing_camera = camera
+        # Adaptive subdivision would see the scene from where the rig's camera is. It is as fine outside the
+        # view of its own camera as inside: projectors go anywhere.
+        scene.cycles.dicing_camera = settings.dicing_camera
+        settings.offscreen_before = scene.cycles.offscreen_dicing_scale
+        scene.cycles.offscreen_dicing_scale = SAME_OFFSCREEN
 
 
 def _give_back(rig) -> None:
@@ -249,8 +260,11 @@ def _give_back(rig) -> None:
         return
     if scene.cycles.transparent_max_bounces == settings.bounces:
         scene.cycles.transparent_max_bounces = settings.bounces_before
-    if scene.cycles.dicing_camera == camera:
+    # Rigs of other versions had the flexible camera itself.
+    if scene.cycles.dicing_camera in {camera, settings.dicing_camera} - {None}:
         scene.cycles.dicing_camera = None
+    if settings.offscreen_before and scene.cycles.offscreen_dicing_scale == SAME_OFFSCREEN:
+        scene.cycles.offscreen_dicing_scale = settings.offscreen_before
 
 
 def adopt(rig) -> None:
@@ -293,7 +307,6 @@ def update_nodes(rig) -> None:
     of_rig = {"key": table_key(settings), "label": "Cycles Table", "scene": settings.scene}
     settings.table = table_object(settings.camera, **of_rig, with_inverse=False)
     settings.table[RIG_KEY] = settings.camera
-    _place(settings.view_camera)
     modifier = settings.portals.modifiers[MODIFIER]
     before = modifier.node_group
     # The present group if it is current, whatever its name.
@@ -301,15 +314,53 @@ def update_nodes(rig) -> None:
     if before != group:
         modifier.node_group = group
         follow_image_size(modifier, ("Aspect",), settings.scene)
-        lens_nodes.follow_lens(modifier, settings.camera, settings.view_camera.data, TO_SCREEN)
+        lens_nodes.follow_lens(modifier, settings.camera, settings.view_camera.data)
         if before is not None:
             remove_unused_groups([before])
     focus = settings.camera.data.dof.focus_object
     values = {"Table": settings.table, "Focus Object": focus, "Has Focus Object": focus is not None}
-    values |= {"Width": settings.view_camera.data.ortho_scale, "Passes": settings.passes}
+    values |= _screen_inputs(screen_of(settings.view_camera)) | {"Passes": settings.passes}
     set_inputs(modifier, values)
     renew_relations(modifier)
     settings.portals.update_tag()
+
+
+def _screen_inputs(screen: Screen) -> dict[str, object]:
+    """The inputs of the nodes that place a screen."""
+    return {
+        "Width": screen.width,
+        "Distance": screen.distance,
+        "Away": screen.away,
+        "Parallel": screen.is_parallel,
+    }
+
+
+def fit_screen(rig, chords: ChordPlan, tolerance: float = 0.0) -> None:
+    """Place a rig's camera and its screen for the pixels of a plan, unless they are about there.
+
+    Rigs of other versions keep theirs until they are planned again.
+    """
+    settings = rig.scfpf_rig
+    if chords.cone is None or settings.layout != LAYOUT:
+        return
+    if settings.spread != chords.cone.spread:
+        settings.spread = chords.cone.spread
+    screen = screen_for(chords.cone)
+    if not is_about(screen, screen_of(settings.view_camera), tolerance):
+        place_camera(settings.view_camera, screen)
+        if settings.dicing_camera is not None:
+            place_dicing_camera(settings.dicing_camera, settings.camera, chords.cone)
+        # As float32 has them.
+        values = _screen_inputs(screen_of(settings.view_camera))
+        set_inputs(settings.portals.modifiers[MODIFIER], values)
+        settings.portals.update_tag()
+
+
+def mark_camera(rig) -> None:
+    """Give the camera of a rig by another version its mark."""
+    view_camera = rig.scfpf_rig.view_camera
+    if view_camera is not None and MARK_KEY not in view_camera:
+        view_camera[MARK_KEY] = _own_mark()
 
 
 def table_key(settings) -> str:
@@ -361,6 +412,7 @@ def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
     """
     settings = rig.scfpf_rig
     require_cycles(settings.scene)
+    fit_screen(rig, chords)
     size = image_size(settings.scene)
     arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc, faces)
     mapped = mapped_positions(settings.camera, settings.scene, arrays.places, chords.disc)
@@ -416,7 +468,8 @@ def _fill(mesh, arrays: Portals, mapped: Array) -> None:
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     slots = mesh.attributes.new("material_index", "INT", "FACE")
     slots.data.foreach_set("value", arrays.slots)
-    for name, values in ((ONWARD, arrays.onward), (pass_nodes.LENGTH, arrays.length)):
+    attributes = (ONWARD, arrays.onward), (pass_nodes.LENGTH, arrays.length), (DEPTH, arrays.depth)
+    for name, values in attributes:
         made = mesh.attributes.new(name, "FLOAT", "POINT")
         made.data.foreach_set("value", values.astype(np.float32))
     attribute = mesh.attributes.new(pass_nodes.MAPPED, "FLOAT_VECTOR", "POINT")
@@ -431,7 +484,8 @@ def remove_rig(rig) -> None:
     _give_back(rig)
     if settings.scene is not None and not settings.passing:
         aov_passes.remove(settings.scene)
-    parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
+    own = settings.portals, settings.view_camera, settings.dicing_camera, settings.table
+    parts = [part for part in own if part is not None]
     meshes = {part.data for part in parts if part.type == "MESH"}
     materials = {material for mesh in meshes for material in mesh.materials} - {None}
     remove_generated(settings, rig, parts, table_key(settings), materials)

@@ -27,6 +27,7 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     camera: camera_pointer("Flexible Camera", "The flexible camera whose projectors Cycles follows")
     scene: pointer("Scene", "The scene that Cycles renders this way", bpy.types.Scene)
     view_camera: camera_pointer("Rig Camera", "The camera that looks at the rig's screen")
+    dicing_camera: camera_pointer("Dicing Camera", "The camera that adaptive subdivision is as fine for")
     portals: pointer("Portals", "The object with the screen and the sheets that turn the rays")
     table: pointer("Table", "The object with the table of projectors that places the sheets")
     chords: tracked(
@@ -70,6 +71,16 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         "A sheet is a line or a point: rays pass it by, and see what is behind",
         default=False,
     )
+    layout: tracked(
+        IntProperty, "Layout", "How the screen is placed; 0 by other versions of the add-on", default=0, min=0
+    )
+    spread: tracked(
+        FloatProperty,
+        "Spread",
+        "The factor by which the sizes of most pixels in space are off those that Cycles takes them for",
+        default=1.0,
+        min=1.0,
+    )
     smoke: text("Smoke", "An object with a volume that the near surface is inside of: rays do not know of it")
     raycast: text("Raycast", "A material whose Raycast node meets the rig's sheets")
     asks_camera: text(
@@ -97,6 +108,13 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     )
     engine_before: text("Engine Before", "The scene's render engine before the rig was made")
     camera_before: camera_pointer("Camera Before", "The scene's camera before the rig was made")
+    offscreen_before: tracked(
+        FloatProperty,
+        "Offscreen Scale Before",
+        "Cycles' scale of subdivision outside the camera's view before the rig was made; 0 if it is not set",
+        default=0.0,
+        min=0.0,
+    )
     bounces_before: tracked(
         IntProperty,
         "Transparent Bounces Before",

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import bpy
 
+from .drivers import add_scene_property
+
 # The custom property of a rig's objects that points to the flexible camera.
 RIG_KEY = "scfpf_rig_of"
 # The custom property of the scene copies that rigs of one render are made in.
 PASSING_KEY = "scfpf_passing"
 
-# The least width of a rig's screen, which is the ortho scale of its camera; no other camera has such a scale.
-WIDTH = 200_000.0
+# The custom property of a rig's camera with the number of the rig, from 1: drivers recognise it by that.
+MARK_KEY = "scfpf_rig_mark"
 # Drivers of these properties, with this expression, hide objects from the rays of rigs.
 HIDDEN_RAYS = (
     "visible_camera",
@@ -21,7 +23,9 @@ HIDDEN_RAYS = (
     "visible_volume_scatter",
     "visible_shadow",
 )
-HIDING = f"width < {WIDTH:.0f}"
+HIDING = "mark < 1"
+# As other versions wrote it: they knew a rig by the ortho scale of its camera.
+OTHER_HIDING = "width < 200000"
 
 
 def is_rig_part(obj) -> bool:
@@ -38,7 +42,15 @@ def camera_behind(obj):
 def is_hiding(curve) -> bool:
     """Return whether a driver hides an object from the rays of rigs."""
     driver = curve.driver
-    return driver is not None and driver.expression == HIDING and curve.data_path in HIDDEN_RAYS
+    is_one = driver is not None and driver.expression in (HIDING, OTHER_HIDING)
+    return is_one and curve.data_path in HIDDEN_RAYS
+
+
+def add_mark(driver) -> None:
+    """Add the variable ``mark`` to a driver: the number of the rig that is rendered, 0 for other cameras."""
+    target = add_scene_property(driver, f'camera["{MARK_KEY}"]', "mark")
+    # A scene may have no camera, or one without the property.
+    target.use_fallback_value, target.fallback_value = True, 0.0
 
 
 def has_other_animation(owner) -> bool:

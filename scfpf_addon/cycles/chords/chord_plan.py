@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.viewing_volume import Projection
+from ..portals.pixel_cone import PixelCone, pixel_cone
 from ..portals.sheets import image_places
 from .pixel_footprint import SMALLEST_ERROR, pixels
 
@@ -65,7 +67,7 @@ class ChordPlan:
     cells: of each sheet, across and up. error: the largest distance between curve and chord
     plus that between vertices, on the sampled projectors, in pixels. missing: the share of
     the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether
-    the image is one.
+    the image is one. cone: of its pixels; None leaves the screen of a rig as it is.
     """
 
     breaks: Array
@@ -74,6 +76,7 @@ class ChordPlan:
     error: float
     missing: float
     disc: bool = False
+    cone: PixelCone | None = None
 
     @property
     def count(self) -> int:
@@ -113,10 +116,12 @@ def plan_chords(
     alike = [p for p in projections if _same(p.volume.spans, spans)]
     pixel_error = max(pixel_error, SMALLEST_ERROR)
     sampled = [_sample(p, size) for p in alike]
-    curves = Curves(*(np.concatenate(parts, axis=2) for parts in zip(*(c for c, _ in sampled), strict=True)))
+    curves = Curves(
+        *(np.concatenate(parts, axis=2) for parts in zip(*(each.curves for each in sampled), strict=True))
+    )
     if curves.points.shape[2] == 0:
         raise PlanError("No projector of the volume is finite: check the transforms of its control surfaces")
-    missing = 1.0 - float(np.mean([np.mean(present) for _, present in sampled]))
+    missing = 1.0 - float(np.mean([np.mean(each.present) for each in sampled]))
     breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
     cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)
     return ChordPlan(
@@ -126,12 +131,13 @@ def plan_chords(
         error=error + between,
         missing=missing,
         disc=_shape(first)[0],
+        cone=pixel_cone(spans, [(s.curves, s.x, s.y) for s in sampled], size, first.aspect),
     )
 
 
 def chord_error(projection: Projection, size: tuple[int, int], breaks: Array, shifts: Array) -> float:
     """The error of given chords, in pixels, as ``plan_chords`` measures it."""
-    curves, _ = _sample(projection, size)
+    curves = _sample(projection, size).curves
     return _measure(projection.volume.spans, curves, breaks, shifts)
 
 
@@ -141,8 +147,17 @@ def _same(a: SpanBasis, b: SpanBasis) -> bool:
     return a.matrices.shape == b.matrices.shape and bool(np.array_equal(a.matrices, b.matrices))
 
 
-def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, BoolArray]:
-    """Projectors spread over the image, and whether each exists, of those that should."""
+class _Sampled(NamedTuple):
+    """Projectors, their image positions (S,), and whether each exists of those that were tried."""
+
+    curves: Curves
+    x: Array
+    y: Array
+    present: BoolArray
+
+
+def _sample(projection: Projection, size: tuple[int, int]) -> _Sampled:
+    """Projectors spread over the image."""
     # Borders too, a little inside: derivatives are one-sided there.
     x, y = (np.linspace(1e-6, 1.0 - 1e-6, count) for count in SAMPLES)
     across, up = np.meshgrid(x, y)
@@ -152,7 +167,7 @@ def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, Bool
     if not _shape(projection)[0]:
         # On the rim of a disc rounding decides.
         present &= mask
-    return curves.only(present), present
+    return _Sampled(curves.only(present), x[present], y[present], present)
 
 
 def _curves(

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...bridge.blender.modifier_inputs import set_inputs
 from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
 from ...bridge.render.image_size import image_aspect, image_size
 from ...projection.mappings.stack import Stack
@@ -108,7 +107,8 @@ def _place(rig, frame: Framed) -> None:
     modifier, lens = settings.portals.modifiers[MODIFIER], settings.view_camera.data
     if across != up:
         follow_image_size(modifier, ("Aspect",), settings.scene, across / up)
-    set_inputs(modifier, {"Width": lens.ortho_scale * across})
+    # The screen stays as it is, and its camera sees more.
+    lens.ortho_scale, lens.sensor_width = lens.ortho_scale / across, lens.sensor_width / across
     aspect = image_aspect(settings.scene)
     lens.shift_x, lens.shift_y = 0.5 - frame.centre[0], (0.5 - frame.centre[1]) / aspect
 

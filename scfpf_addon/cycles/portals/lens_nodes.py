@@ -13,13 +13,13 @@ from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.modifier_inputs import input_property
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
 from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
+from .screen import LENS_SHARE
 
-# The rig's lens: as wide as Blender allows, since places on it are tilts of 1 in 2000.
-STOP = 0.1
-RADIUS = 0.5 / STOP
 # Attributes of the screen's vertices: directions across the lens, and their factors for a ray's origin and
 # direction.
 LENS_X, LENS_Y, LENS = "scfpf_lens_x", "scfpf_lens_y", "scfpf_lens"
+# The tilt of a ray through the middle of the lens.
+TILT = "scfpf_tilt"
 # A lens looks ahead if all projectors go along the view by at least this share.
 AHEAD = 0.05
 # Blender's own least distance of a focused object.
@@ -39,6 +39,8 @@ INPUTS = {
     "Focus Object": ("Object", None, "An object that is sharp, instead of a distance"),
     "Has Focus Object": ("Bool", False, "Is there one?"),
     "Straight": ("Bool", True, "Is there one chord only?"),
+    "Distance": ("Float", 1.0, "How far the screen is from the rig's camera"),
+    "Parallel": ("Bool", True, "Is that camera orthographic?"),
 }
 
 
@@ -49,6 +51,7 @@ INPUTS = {
         "Matrix": ("Matrix", None, "From the camera's space into the world"),
         "Start": ("Vector", None, "Where the chord of a vertex starts in the world"),
         "Chord": ("Vector", None, "From there to its end"),
+        "Screen": ("Vector", None, "Where it is on the screen"),
     }
     | INPUTS,
     {"Geometry": "Geometry"},
@@ -88,31 +91,33 @@ def lens_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     factors = nodes.xyz(radius - radius * depth / focus, radius * reach / focus, 0.0, "Factors")
     for name, value in ((LENS_X, lens_x), (LENS_Y, lens_y), (LENS, factors)):
         geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
-    return {"Geometry": geometry}
+    nodes.open_frame("The middle of the rig's own lens")
+    per_distance = nodes.switch(given["Parallel"], 1.0 / given["Distance"], 0.0, "FLOAT", "Tilted?")
+    return {"Geometry": nodes.store(geometry, TILT, given["Screen"] * per_distance, "FLOAT_VECTOR")}
 
 
 def _unit(nodes: FieldBuilder, vector: Value) -> Value:
     return nodes.out("ShaderNodeVectorMath", "Normalized", {0: vector}, operation="NORMALIZE")
 
 
-def aimed(nodes: FieldBuilder, position: Value, direction: Value, distance: float) -> tuple[Value, Value]:
-    """Position and direction of the ray that a place on the lens asks for; distance: camera to screen.
+def aimed(nodes: FieldBuilder, position: Value, direction: Value) -> tuple[Value, Value]:
+    """Position and direction of the ray that a place on the lens asks for.
 
     Without the attributes, as in curved volumes, both stay as they are.
     """
     nodes.open_frame("The place on the lens, from the ray's tilt")
-    tilt = nodes.out("ShaderNodeNewGeometry", "Ray", {}, "Incoming")
-    a, b, c = tilt.parts()
-    scale = distance / RADIUS
-    x, y = a / c * scale, b / c * scale
+    ray = nodes.out("ShaderNodeNewGeometry", "Ray", {}, "Incoming")
+    a, b, c = ray.parts()
+    along_x, along_y, _ = nodes.shader_attribute(TILT).parts()
+    x, y = (a / c + along_x) * (1.0 / LENS_SHARE), (b / c + along_y) * (1.0 / LENS_SHARE)
     nodes.open_frame("From there through what is in focus")
     offset = nodes.shader_attribute(LENS_X) * x + nodes.shader_attribute(LENS_Y) * y
     begins, goes, _ = nodes.shader_attribute(LENS).parts()
     return position + offset * begins, direction - offset * goes
 
 
-def follow_lens(modifier, camera, lens, distance: float) -> None:
-    """Drive a rig by a camera's depth of field. lens: the rig camera's data; distance: to the screen."""
+def follow_lens(modifier, camera, lens) -> None:
+    """Drive a rig by a camera's depth of field. lens: the rig camera's data."""
     driver = new_driver(*input_property(modifier, "Lens Radius"), RADIUS_EXPRESSION)
     for name, path in _LENS.items():
         add_property(driver, camera, path, name)
@@ -121,4 +126,3 @@ def follow_lens(modifier, camera, lens, distance: float) -> None:
         followed.append((lens.dof, setting, setting))
     for owner, name, setting in followed:
         add_property(new_driver(owner, name), camera, f"data.dof.{setting}")
-    lens.dof.aperture_fstop, lens.dof.focus_distance = STOP, distance

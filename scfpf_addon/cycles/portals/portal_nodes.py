@@ -10,7 +10,6 @@ from __future__ import annotations
 import bpy
 
 from ...bridge.blender.drivers import add_property, new_driver
-from ...bridge.blender.rig_mark import WIDTH
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
 from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group, remove_attributes
 from ...scanline.nodes.solve_nodes import TABLE_INPUTS, corner_projectors, find_cell
@@ -30,20 +29,19 @@ from .sheets import (
 
 # Attribute of the sheets before the nodes: the chord that a ray goes on along from a vertex, n for none.
 ONWARD = "scfpf_onward"
+# How far the screen is moved back at a vertex: ``Portals.depth``.
+DEPTH = "scfpf_depth"
 # After the nodes: where a ray continues and its direction, world space; where a ray begins that the portal
-# turns, and the tolerance of that place.
+# turns, and the tolerance of that place; of the surround, the longest ray from the rig's camera.
 POSITION, DIRECTION, ORIGIN = "scfpf_position", "scfpf_direction", "scfpf_origin"
 TOLERANCE = "scfpf_tolerance"
 # Where a vertex will be; removed as it gets there.
 PLACE = "scfpf_there"
 
-# The screen is this far below the scene, and WIDTH wide or a little more. float32 resolves 16 million places
-# across it at any distance.
-AWAY = 2.5e5
-TO_SCREEN = 1e4
-# Rays begin this far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
-BEFORE_SCREEN = 0.03125
-TO_SURROUND = 1.1e4
+# The surround of the screen is behind it by this factor of the distance from the camera.
+SURROUND_FACTOR = 1.1
+# Rays that have come this share of the way between scene and screen are not from the rig's camera.
+STRAY = 0.5
 # Rays that have left the volume go on from this far away, where they meet only the world.
 TELEPORT = 1e8
 # A portal turns rays that begin where its chord does: within this share of the chord's length, or of the
@@ -84,7 +82,10 @@ def chord_end_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
         "Table": ("Object", None, "The table object of a flexible camera"),
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
-        "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
+        "Width": ("Float", 1.0, "Width of the screen, as the camera that looks at it sees it"),
+        "Distance": ("Float", 1.0, "How far the screen is from that camera"),
+        "Away": ("Float", 1.0, "How far the camera is below the scene"),
+        "Parallel": ("Bool", True, "Is the camera orthographic?"),
         "Passes": ("Bool", False, "Does the picture have passes of t, depth, u and v?"),
         "Chords": ("Float", 1.0, "The number of chords"),
         "Skip": ("Bool", False, "Do rays skip the chords that were empty?"),
@@ -121,11 +122,12 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     probe = nodes.set_position(geometry, ends["Here"], "Ends of the Chords")
     polar = view["Numbers"].parts()[2]
     screen = nodes.call(_screen_group(), "Screen", {"Polar": polar}, given)["Position"]
-    inputs = {"Geometry": geometry, "Far": far, "Lens": open_lens}
+    inputs = {"Geometry": geometry, "Far": far, "Lens": open_lens, "Number": number}
+    inputs["Stray"] = given["Away"] * STRAY
     geometry = nodes.call(_rays_group(), "Rays", inputs, ends)["Geometry"]
     here, along = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
     nodes.open_frame("Only where they are asked for")
-    inputs = {"Geometry": geometry, "Matrix": matrix, "Start": here, "Chord": along}
+    inputs = {"Geometry": geometry, "Matrix": matrix, "Start": here, "Chord": along, "Screen": screen}
     with_lens = nodes.call(lens_nodes.lens_group(), "Lens", inputs, given)["Geometry"]
     geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
     before, sheet_place = (nodes.attribute(name, "FLOAT_VECTOR") for name in (ORIGIN, PLACE))
@@ -197,6 +199,8 @@ def _sheets_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         "Geometry": ("Geometry", None, "Sheets"),
         "Far": ("Float", 0.0, "1 where a ray leaves the volume"),
         "Lens": ("Bool", False, "Has the camera a lens?"),
+        "Number": ("Float", 0.0, "Of the sheet"),
+        "Stray": ("Float", 1.0, "Longer rays to the surround are not from the rig's camera"),
         "Before": ("Vector", None, "Start of the chord before a vertex"),
         "Here": ("Vector", None, "Its end"),
         "Start": ("Vector", None, "Start of the next"),
@@ -226,7 +230,9 @@ def _rays_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     store(POSITION, nodes.switch(given["Far"] > 0.5, start, beyond, "VECTOR", "Out of the Volume?"))
     nodes.open_frame("Which rays are turned")
     tolerance = (here - before).length() * CHORD_SHARE + here.length().max(before.length()) * PLACE_SHARE
-    store(TOLERANCE, nodes.switch(given["Lens"], tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?"), "FLOAT")
+    tolerance = nodes.switch(given["Lens"], tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?")
+    is_surround = given["Number"] < -0.5
+    store(TOLERANCE, nodes.switch(is_surround, tolerance, given["Stray"], "FLOAT", "Surround?"), "FLOAT")
     return {"Geometry": geometry}
 
 
@@ -234,7 +240,10 @@ def _rays_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     "SCFPF Portal Screen",
     {
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
-        "Width": ("Float", WIDTH, "Width of the screen"),
+        "Width": ("Float", 1.0, "Width of the screen"),
+        "Distance": ("Float", 1.0, "How far the screen is from its camera"),
+        "Away": ("Float", 1.0, "How far the camera is below the scene"),
+        "Parallel": ("Bool", True, "Is the camera orthographic?"),
         "Polar": ("Float", 0.0, "1 in a polar picture"),
     },
     {"Position": "Vector"},
@@ -243,12 +252,18 @@ def _screen_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The positions of the screen's vertices, and of the surround's."""
     x, y, number = nodes.position().parts()
     aspect, width, polar = given["Aspect"], given["Width"], given["Polar"]
+    away, distance = given["Away"], given["Distance"]
     wide = aspect.max(1.0)
     across = nodes.mix(polar, width, width / wide)
     up = nodes.mix(polar, width / aspect, width / wide)
-    depths = (-AWAY - TO_SCREEN, -AWAY - TO_SURROUND)
-    depth = nodes.switch(number < -0.5, *depths, "FLOAT", "Screen or Surround")
-    return {"Position": nodes.xyz((x - 0.5) * across, (y - 0.5) * up, depth, "Screen")}
+    back = nodes.switch(given["Parallel"], nodes.attribute(DEPTH), 0.0, "FLOAT", "Moved Back")
+    depth = (distance + back) * nodes.switch(
+        number < -0.5, 1.0, SURROUND_FACTOR, "FLOAT", "Screen or Surround"
+    )
+    z = -1.0 * away - depth
+    nodes.open_frame("In the cone of the camera, by the depth that float32 has rounded")
+    scale = nodes.switch(given["Parallel"], (-1.0 * z - away) / distance, 1.0, "FLOAT", "Parallel?")
+    return {"Position": nodes.xyz((x - 0.5) * across * scale, (y - 0.5) * up * scale, z, "Screen")}
 
 
 # Slots of the materials on the sheets' mesh.
@@ -289,7 +304,7 @@ def _portal(name: str, slot: int, follow):
     place, backwards = Value(nodes, ray["Position"]), Value(nodes, ray["Incoming"])
     if slot == SCREEN:
         onward = (nodes.shader_attribute(name) for name in (POSITION, DIRECTION))
-        position, direction = lens_nodes.aimed(nodes, *onward, TO_SCREEN)
+        position, direction = lens_nodes.aimed(nodes, *onward)
         inputs = {"Position": position, "Direction": direction}
     elif slot == FAR:
         onward = backwards * -1.0
@@ -329,7 +344,7 @@ def _surround(scene):
     shader = nodes.node("ShaderNodeMixShader", "Around", {0: transparent, 1: black, 2: holdout}).outputs[0]
     # Rays of a lens may miss the far sheet, and come here from the scene.
     way = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Ray Length"]
-    inputs = {0: way, 1: 2.0 * TO_SURROUND}
+    inputs = {0: way, 1: nodes.shader_attribute(TOLERANCE, "Fac")}
     stray = nodes.node("ShaderNodeMath", "From the Scene", inputs, operation="GREATER_THAN").outputs[0]
     through = nodes.node("ShaderNodeBsdfTransparent", "Beyond", {}).outputs[0]
     inputs = {0: stray, 1: shader, 2: through}

@@ -32,6 +32,9 @@ SURROUND = 60.0
 SURROUND_CORNERS = 4
 
 
+# The number of the screen behind those of the chords.
+BEHIND = -1
+
 # The third value of a vertex' place before the nodes, where it is no sheet's: corners of the surround,
 # breaks, and the one sheet that the nodes repeat for each break.
 SURROUNDS, BREAKS, REPEATED = -1.0, -2.0, -3.0
@@ -43,12 +46,15 @@ class Portals(NamedTuple):
     places: (3, N). Of the first vertices, t and shift of each break, and BREAKS. Of the others x and y in the
     table of projectors, and SURROUNDS, REPEATED, or the number of the sheet: 0 the screen, n the far sheet.
     onward: (N,) the chord that a ray goes on along, n for none. length: (N,) of the chords that a ray is led
-    past, known for sheets whose rays skip chords. triangles: (T, 3). slots: (T,) int, of materials.
+    past, known for sheets whose rays skip chords. depth: (N,) how far the screen is moved back there, and with it
+    the surround: as far as rays skip, so that pixels grow as on the way. triangles: (T, 3). slots: (T,) int, of
+    materials.
     """
 
     places: Array
     onward: Array
     length: Array
+    depth: Array
     triangles: IndexArray
     slots: IndexArray
 
@@ -99,37 +105,52 @@ def portals(
     faced = [np.array([[0, 1, 2], [0, 2, 3]]) + corner, triangles + corner + SURROUND_CORNERS]
     slots = [np.full(2, SURROUND_SLOT), np.zeros(len(triangles), np.intp)]
     known = sum(part.shape[1] for part in places)
-    onward, length = [np.zeros(known)], [np.zeros(known)]
+    onward, length, depth = [np.zeros(known)], [np.zeros(known)], [np.zeros(known)]
     if faces is not None:
         own = _skipping(faces, count, size, polar)
         places.append(own.places)
         onward.append(own.onward)
         length.append(own.length)
+        depth.append(own.depth)
+        depth[0][corner : corner + SURROUND_CORNERS] = own.depth.max(initial=0.0)
         faced.append(own.triangles + known)
         slots.append(own.slots)
     return Portals(
         np.concatenate(places, axis=1),
         np.concatenate(onward),
         np.concatenate(length),
+        np.concatenate(depth),
         np.concatenate(faced).astype(np.int32),
         np.concatenate(slots).astype(np.int32),
     )
 
 
 def _skipping(faces: Faces, count: int, size: tuple[int, int], polar: bool) -> Portals:
-    """Sheets whose rays skip chords."""
+    """Sheets whose rays skip chords.
+
+    The screen is a plane for each chord that rays go on along, and a whole one behind these, which rays meet that
+    rounding leads between two of them.
+    """
     x, y, triangles = grid(faces.cells, size, polar)
-    corners = triangles.reshape(-1, 2, 3)[faces.cell]
+    behind = np.flatnonzero(faces.sheet == 0)
+    cell, onward = (np.append(part, part[behind]) for part in (faces.cell, faces.onward))
+    sheet = np.append(faces.sheet, np.full(len(behind), BEHIND))
+    corners = triangles.reshape(-1, 2, 3)[cell]
     # Faces share a vertex if rays go on from it alike.
-    step = (faces.sheet * (count + 1) + faces.onward)[:, None, None] * len(x)
+    step = ((sheet - BEHIND) * (count + 1) + onward)[:, None, None] * len(x)
     keys, numbers = np.unique(corners + step, return_inverse=True)
-    sheet, onward = np.divmod(keys // len(x), count + 1)
-    vertex = keys % len(x)
-    slots = np.where(faces.onward == faces.sheet, SHEET_SLOT, JUMP_SLOT)
-    slots = np.where(faces.sheet == count, FAR_SLOT, np.where(faces.sheet == 0, PLAIN_SLOT, slots))
-    places = np.stack([x[vertex], y[vertex], sheet.astype(np.float64)])
-    length = faces.lengths[onward, vertex] - faces.lengths[np.maximum(sheet - 1, 0), vertex]
-    return Portals(places, onward.astype(np.float64), length, numbers.reshape(-1, 3), np.repeat(slots, 2))
+    own, going = np.divmod(keys // len(x), count + 1)
+    own, vertex = own + BEHIND, keys % len(x)
+    slots = np.where(onward == sheet, SHEET_SLOT, JUMP_SLOT)
+    slots = np.where(sheet == count, FAR_SLOT, np.where(sheet <= 0, PLAIN_SLOT, slots))
+    skipped = np.median(faces.lengths, axis=1)
+    depth = np.where(own == 0, skipped[going], np.where(own == BEHIND, skipped.max(), 0.0))
+    number = np.maximum(own, 0)
+    places = np.stack([x[vertex], y[vertex], number.astype(np.float64)])
+    length = faces.lengths[going, vertex] - faces.lengths[np.maximum(number - 1, 0), vertex]
+    return Portals(
+        places, going.astype(np.float64), length, depth, numbers.reshape(-1, 3), np.repeat(slots, 2)
+    )
 
 
 def whole_vertices(count: int, cells: tuple[int, int], polar: bool) -> int:
