@@ -7,7 +7,7 @@ from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.blends.camera_blend import has_cuts
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
 from ..projection.template_error import Message
-from . import hidden_surfaces
+from . import footprints, hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
 from .rig_data import CYCLES, NO_CYCLES, has_cycles
@@ -73,6 +73,7 @@ def _about_volume(scene, settings) -> list[str]:
                 settings.asks_camera,
             )
         )
+    found += footprints.cautions(settings)
     if settings.flat:
         found.append(NO_AREA)
     if has_cuts(settings.camera):

@@ -31,6 +31,11 @@ def asking_camera(rig) -> str:
     return _first(rig, _asks_camera)
 
 
+def measuring_wires(rig) -> str:
+    """The name of a material whose Wireframe node measures in pixels; empty if the rig's scene has none."""
+    return _first(rig, lambda node: node.bl_idname == "ShaderNodeWireframe" and node.use_pixel_size)
+
+
 def _asks_camera(node) -> bool:
     if node.bl_idname == "ShaderNodeVectorTransform":
         return "CAMERA" in (node.convert_from, node.convert_to)

@@ -234,6 +234,7 @@ def _note_materials(rig) -> None:
     found = {
         "raycast": disturbed_materials.raycasting(rig),
         "asks_camera": disturbed_materials.asking_camera(rig),
+        "wires": disturbed_materials.measuring_wires(rig),
     }
     _note_values(rig.scfpf_rig, **found)
 

@@ -36,8 +36,9 @@ from .portals import lens_nodes, pass_nodes, portal_nodes
 from .portals.mapped_positions import mapped_positions
 from .portals.paths import Faces
 from .portals.portal_nodes import DEPTH, ONWARD
-from .portals.screen import Screen, is_about, place_camera, place_dicing_camera, screen_for, screen_of
+from .portals.screen import Screen, is_about, screen_for
 from .portals.sheets import Portals, portals, sheet_shape
+from .rig_cameras import new_camera, place_camera, place_dicing_camera, screen_of
 
 MODIFIER = "SCFPF Portals"
 # The camera's custom property that points to the rig's table; the nodes preview has a table of its own.
@@ -144,11 +145,11 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bo
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
     mark = _own_mark()
     portal_object = _new_portals(camera, scene, mark)
-    view_camera = _new_camera(f"{camera.name} Cycles")
+    view_camera = new_camera(f"{camera.name} Cycles")
     view_camera[MARK_KEY] = mark
     assert chords.cone is not None
     place_camera(view_camera, screen_for(chords.cone))
-    dicing_camera = _new_camera(f"{camera.name} Cycles Dicing")
+    dicing_camera = new_camera(f"{camera.name} Cycles Dicing")
     place_dicing_camera(dicing_camera, camera, chords.cone)
     for part in (portal_object, view_camera, dicing_camera):
         rig.objects.link(part)
@@ -174,10 +175,6 @@ def _own_mark() -> int:
     """The number of a new rig, which no other rig has."""
     taken = {rig.scfpf_rig.view_camera.get(MARK_KEY) for rig in rigs() if rig.scfpf_rig.view_camera}
     return next(number for number in range(1, len(taken) + 2) if number not in taken)
-
-
-def _new_camera(name: str):
-    return bpy.data.objects.new(name, bpy.data.cameras.new(name))
 
 
 def _new_portals(camera, scene, mark: int):
@@ -261,7 +258,7 @@ def _give_back(rig) -> None:
     if scene.cycles.transparent_max_bounces == settings.bounces:
         scene.cycles.transparent_max_bounces = settings.bounces_before
     # Rigs of other versions had the flexible camera itself.
-    if scene.cycles.dicing_camera in {camera, settings.dicing_camera} - {None}:
+    if scene.cycles.dicing_camera == (settings.dicing_camera or camera):
         scene.cycles.dicing_camera = None
     if settings.offscreen_before and scene.cycles.offscreen_dicing_scale == SAME_OFFSCREEN:
         scene.cycles.offscreen_dicing_scale = settings.offscreen_before

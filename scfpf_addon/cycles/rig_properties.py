@@ -86,6 +86,7 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     asks_camera: text(
         "Asks the Camera", "A material that depends on the camera or the ray, and gets those of the rig"
     )
+    wires: text("Wires", "A material whose Wireframe node measures in pixels")
     sheet_vertices: tracked(
         IntProperty, "Vertices of a Sheet", "The vertices of a sheet that skips no chord", default=4, min=4
     )

@@ -60,8 +60,8 @@ class PixelCone(NamedTuple):
 class _Samples(NamedTuple):
     """Pixels at G places of S projectors.
 
-    width, weight, length: (G, S), of pixels, of samples, of projectors so far. x, y: (S,) image positions from
-    the middle, in widths of the image. columns: pixels across. tall: their height over their width.
+    width, weight, length: (G, S), of pixels, of samples, of projectors so far. x, y: (S,) image positions
+    from the middle, in widths of the image. columns: pixels across. tall: their height over their width.
     """
 
     width: Array
@@ -82,8 +82,13 @@ def pixel_cone(
     image in pixels. aspect: its width over its height.
     """
     parts = [_measure(spans, curves, x, y, size, aspect) for curves, x, y in sampled]
-    joined = (np.concatenate(arrays, axis=-1) for arrays in zip(*(part[:5] for part in parts), strict=True))
-    samples = _Samples(*joined, *parts[0][5:])
+    samples = parts[0]._replace(
+        width=np.concatenate([part.width for part in parts], axis=1),
+        weight=np.concatenate([part.weight for part in parts], axis=1),
+        length=np.concatenate([part.length for part in parts], axis=1),
+        x=np.concatenate([part.x for part in parts]),
+        y=np.concatenate([part.y for part in parts]),
+    )
     reach = max(float(np.abs(curves.points).max()) for curves, _, _ in sampled)
     known = (samples.weight > 0.0) & (samples.width > 0.0)
     if not known.any():

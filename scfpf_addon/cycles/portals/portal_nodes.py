@@ -83,15 +83,14 @@ def chord_end_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         "Table": ("Object", None, "The table object of a flexible camera"),
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
         "Width": ("Float", 1.0, "Width of the screen, as the camera that looks at it sees it"),
-        "Distance": ("Float", 1.0, "How far the screen is from that camera"),
-        "Away": ("Float", 1.0, "How far the camera is below the scene"),
-        "Parallel": ("Bool", True, "Is the camera orthographic?"),
         "Passes": ("Bool", False, "Does the picture have passes of t, depth, u and v?"),
         "Chords": ("Float", 1.0, "The number of chords"),
         "Skip": ("Bool", False, "Do rays skip the chords that were empty?"),
         "Probe": ("Bool", False, "Shall vertices be at the ends of the chords, without attributes?"),
     }
-    | lens_nodes.INPUTS,
+    | lens_nodes.INPUTS
+    # New inputs come last: drivers of rigs in files refer to the identifiers of these.
+    | {"Away": ("Float", 1.0, "How far the rig's camera is below the scene")},
     {"Geometry": "Geometry"},
     modifier=True,
 )

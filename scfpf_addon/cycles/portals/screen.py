@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from mathutils import Vector
-
 from .pixel_cone import PixelCone
 
 # How far the camera is below the scene, at most if the volume is small.
@@ -24,7 +22,6 @@ STEP = 2.0**-23
 FEWEST_STEPS, ENOUGH_STEPS = 2, 16
 # Blender's least clip distance, twice.
 CLOSEST = 2e-6
-SENSOR = 36.0
 # The lens of the camera, as a share of its distance from the screen: places on it are tilts of rays.
 LENS_SHARE = 1.0 / 2000.0
 
@@ -60,52 +57,9 @@ def screen_for(cone: PixelCone) -> Screen:
     return Screen(width, distance, away, cone.is_parallel)
 
 
-def place_camera(view_camera, screen: Screen) -> None:
-    """Put a rig's camera before its screen, in focus there."""
-    view_camera.location = 0.0, 0.0, -screen.away
-    lens = view_camera.data
-    lens.sensor_fit = "HORIZONTAL"
-    if screen.is_parallel:
-        lens.type, lens.ortho_scale = "ORTHO", screen.width
-        lens.dof.aperture_fstop = 0.5 / screen.lens_radius
-    else:
-        _set_perspective(lens, screen.width / screen.distance)
-        lens.dof.aperture_fstop = 0.0005 * lens.lens / screen.lens_radius
-    lens.dof.focus_distance = screen.distance
-    lens.clip_start, lens.clip_end = screen.distance - screen.step, screen.away
-    # Eyes apart would look past the screen.
-    lens.stereo.interocular_distance = 0.0
-
-
-def screen_of(view_camera) -> Screen:
-    """The screen before a rig's camera."""
-    lens = view_camera.data
-    distance, is_parallel = lens.dof.focus_distance, lens.type == "ORTHO"
-    width = lens.ortho_scale if is_parallel else distance * lens.sensor_width / lens.lens
-    return Screen(width, distance, -view_camera.location.z, is_parallel)
-
-
 def is_about(one: Screen, other: Screen, share: float) -> bool:
     """Return whether two screens give nearly the same cones, within a share of their sizes."""
     if one.is_parallel != other.is_parallel or other.away < one.away:
         return False
     pairs = ((one.width, other.width), (one.distance, other.distance))
     return all(abs(math.log(a / b)) <= share for a, b in pairs)
-
-
-def place_dicing_camera(dicing_camera, camera, cone: PixelCone) -> None:
-    """Put a camera where the cones of the pixels begin, so that it sees pixels as wide, in all directions."""
-    dicing_camera.parent = camera
-    dicing_camera.location = camera.matrix_world.inverted_safe() @ Vector(cone.apex)
-    lens = dicing_camera.data
-    lens.sensor_fit = "HORIZONTAL"
-    if cone.is_parallel:
-        lens.type, lens.ortho_scale = "ORTHO", cone.width
-    else:
-        _set_perspective(lens, cone.width / cone.distance)
-
-
-def _set_perspective(lens, angle: float) -> None:
-    """Let a lens see the image as wide as ``angle`` times its distance."""
-    lens.type, lens.sensor_width = "PERSP", SENSOR
-    lens.lens = SENSOR / angle

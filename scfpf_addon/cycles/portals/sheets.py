@@ -46,9 +46,9 @@ class Portals(NamedTuple):
     places: (3, N). Of the first vertices, t and shift of each break, and BREAKS. Of the others x and y in the
     table of projectors, and SURROUNDS, REPEATED, or the number of the sheet: 0 the screen, n the far sheet.
     onward: (N,) the chord that a ray goes on along, n for none. length: (N,) of the chords that a ray is led
-    past, known for sheets whose rays skip chords. depth: (N,) how far the screen is moved back there, and with it
-    the surround: as far as rays skip, so that pixels grow as on the way. triangles: (T, 3). slots: (T,) int, of
-    materials.
+    past, known for sheets whose rays skip chords. depth: (N,) how far the screen and its surround are moved
+    back: as far as rays skip, so that their footprints grow as on the way. triangles: (T, 3). slots: (T,)
+    int, of materials.
     """
 
     places: Array
@@ -128,7 +128,7 @@ def portals(
 def _skipping(faces: Faces, count: int, size: tuple[int, int], polar: bool) -> Portals:
     """Sheets whose rays skip chords.
 
-    The screen is a plane for each chord that rays go on along, and a whole one behind these, which rays meet that
+    The screen is a plane for each chord that rays go on along. A whole one is behind these, for rays that
     rounding leads between two of them.
     """
     x, y, triangles = grid(faces.cells, size, polar)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cautions about what Cycles measures in pixels: bump, levels of textures, wires."""
+
+from __future__ import annotations
+
+from ..projection.template_error import Message
+from .rig_data import LAYOUT
+
+# Pixels whose sizes in space differ by a larger factor from those that Cycles takes them for differ visibly.
+MOST_SPREAD = 2.0
+FLAT = Message("Bump comes out flat, since another version of the add-on made the rig: press Update Chords")
+
+
+def cautions(settings) -> list[str]:
+    """The cautions about a rig's settings, for the panel."""
+    if is_flat(settings):
+        return [FLAT]
+    if settings.wires and settings.spread > MOST_SPREAD:
+        return [
+            Message(
+                "The wires of '{0}' have wrong widths, as pixels differ much in size: switch off Pixel Size",
+                settings.wires,
+            )
+        ]
+    return []
+
+
+def is_flat(settings) -> bool:
+    """Return whether rays of a rig have footprints that are far too wide: another version has made it."""
+    return bool(settings.layout != LAYOUT)
