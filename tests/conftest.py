@@ -42,6 +42,7 @@ ONCE = (
     "blender/interface/test_operators.py::test_every_shipped_preset_can_be_added_and_applied",
     "blender/interface/test_ways.py::test_the_price_of_cycles_is_told_before_and_is_the_rigs",
     "blender/layers/test_layers_cycles.py::test_a_layer_seen_by_the_cameras_own_twin_is_the_plain_render",
+    "blender/render/test_blenders_own_drawing.py::test_blenders_drawing_is_shown_where_it_fits_the_view",
     "blender/render/test_render_engine.py::test_processes_make_the_parts_of_one_image",
     "blender/render/test_sampling.py",
     "blender/render/test_stylised.py::test_a_drawn_image_has_the_passes_of_a_plain_one",

@@ -17,6 +17,10 @@ from ..blender.scene_objects import missing_text
 # The corners of an image, and how far rounding moves a surface's, as a share of its largest coordinate.
 CORNERS = np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
 ROUNDED = 2.0**-21
+# Image positions across and up at which views are compared, and how far views that count as the same differ,
+# as a share of the image: a fifth of a pixel in an image of 2,000.
+COMPARED = 33
+SAME_VIEW = 1e-4
 
 
 class FrustumError(TemplateError):
@@ -97,6 +101,31 @@ def is_own_frustum(projection: Projection, camera, depsgraph) -> bool:
     points, expected = (each.projectors(*CORNERS).points for each in (projection, own))
     size = np.abs(expected).max(axis=(1, 2), keepdims=True)
     return bool((np.abs(points - expected) <= ROUNDED * size).all())
+
+
+def is_own_view(projection: Projection, camera, depsgraph) -> bool:
+    """Return whether each pixel of a projection, world space, sees along an evaluated camera's own ray.
+
+    The near and far surface may be anywhere along it. Layers of the image are ignored.
+    """
+    try:
+        own = frustum_projection(camera, depsgraph, projection.aspect)
+    except FrustumError:
+        return False
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, COMPARED),) * 2))
+    if not projection.parameters(x, y).mask.all():
+        return False
+    points = projection.projectors(x, y).points
+    near, far = (own.volume.evaluate(x, y, np.full_like(x, t)).position for t in (0.0, 1.0))
+    axis = -placement(camera)[:3, 2]
+    along = np.einsum("kcn,c->kn", points - near, axis) / ((far - near) * axis[:, None]).sum(axis=0)
+    # Of a curve whose control points are all on a line, every point is.
+    off = np.linalg.norm(points - near - (far - near) * along[:, None], axis=1)
+    # Opposite corners of the image.
+    width, far_width = (np.linalg.norm(end[:, -1] - end[:, 0]) for end in (near, far))
+    reach = np.abs(width + (far_width - width) * along)
+    rounded = ROUNDED * np.abs(points).max(axis=(1, 2))[:, None]
+    return bool((off <= SAME_VIEW * reach + rounded).all() and (along[-1] > along[0]).all())
 
 
 def depth_plane(place: Array) -> Array:

@@ -16,8 +16,9 @@ import numpy as np
 
 from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
+from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import camera_behind
-from .ordinary_camera import placement
+from .ordinary_camera import depth_plane, is_own_view, placement
 
 # "" is the camera itself, between the eyes.
 Eye = Literal["", "LEFT", "RIGHT"]
@@ -68,6 +69,16 @@ def seen_by(camera, eye: Eye) -> Array:
 def eye_place(camera, eye: Eye) -> Array:
     """Return the rigid (4, 4) matrix from the space of an evaluated camera's eye to world space."""
     return placement(camera) @ _pose(camera.data.stereo, eye)
+
+
+def own_depth_plane(projection: Projection, camera, depsgraph, eye: Eye) -> Array | None:
+    """The plane, see ``depth_plane``, that an ordinary camera's depth is measured from.
+
+    None if a projection, world space, is not an evaluated camera's own view: then a depth is a length along
+    the projector. projection: of the camera itself, between the eyes.
+    """
+    is_own = not camera.scfpf.enabled or is_own_view(projection, camera, depsgraph)
+    return depth_plane(eye_place(camera, eye)) if is_own else None
 
 
 def unseen_settings(camera, eye: Eye) -> str:

@@ -11,13 +11,14 @@ import numpy as np
 from ...casting.common.geometry import Geometry
 from ...projection.mappings.stack import seen_through
 from ...projection.template_error import Message
+from ...projection.typing import Array
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import absent_text
 from ..camera.ordinary_camera import FrustumError, frustum_projection
 from ..camera.read_projection import ProjectionError, read_projection
-from ..camera.stereo_views import Eye, eye_place, seen_by
+from ..camera.stereo_views import Eye, eye_place, own_depth_plane, seen_by
 from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.
@@ -33,16 +34,17 @@ EMPTY = Message("Layers that show nothing, as renders show none of their objects
 class ReadLayers:
     """The layers of an image, as evaluated.
 
-    layers, names, cameras, frames: by number, from 1 on; session ids of the cameras, and the frames of their
-    pictures in the image. members: the number of the layer by the session id of each object
-    that a layer shows. taken: the numbers of layers whose things are all in earlier ones. warnings: about
-    layers that are left out or show less than asked.
+    layers, names, cameras, frames, planes: by number, from 1 on; session ids of the cameras, the frames of
+    their pictures in the image, and their planes of depth, see ``own_depth_plane``. members: the number of
+    the layer by the session id of each object that a layer shows. taken: the numbers of layers whose things
+    are all in earlier ones. warnings: about layers that are left out or show less than asked.
     """
 
     layers: tuple[ImageLayer, ...] = ()
     names: tuple[str, ...] = ()
     cameras: tuple[int, ...] = ()
     frames: tuple[Framed, ...] = ()
+    planes: tuple[Array | None, ...] = ()
     members: Mapping[int, int] = field(default_factory=dict)
     taken: frozenset[int] = frozenset()
     warnings: tuple[str, ...] = ()
@@ -67,7 +69,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
     """
     evaluated = camera.evaluated_get(depsgraph)
     place = np.array(eye_place(evaluated, eye)[:3, 3], np.float64) if evaluated.scfpf.layers else None
-    layers, names, shown, collections, warnings = [], [], [], [], []
+    layers, names, shown, planes, collections, warnings = [], [], [], [], [], []
     for own, state in zip(camera.original.scfpf.layers, evaluated.scfpf.layers, strict=True):
         if not state.is_on or not camera.original.scfpf.enabled:
             continue
@@ -78,7 +80,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
             continue
         frame = Framed(*map(tuple, (state.position, state.size)))
         try:
-            projection = _view(own.camera, frame, depsgraph, aspect, eye)
+            projection, plane = _view(own.camera, frame, depsgraph, aspect, eye)
         except (ProjectionError, FrustumError) as error:
             raise ProjectionError("Layer '{0}': {1}", own.name, error) from error
         mask = None if own.mask is None else mask_pixels(own.mask)
@@ -91,6 +93,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         layers.append(ImageLayer(projection, state.front, place, mask, state.halo, state.feather))
         names.append(own.name)
         shown.append((own.camera.session_uid, frame))
+        planes.append(plane)
         collections.append(own.collection)
     members, twice = _members(names, collections)
     cameras, frames = tuple(zip(*shown, strict=True)) if shown else ((), ())
@@ -100,6 +103,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         names=tuple(names),
         cameras=cameras,
         frames=frames,
+        planes=tuple(planes),
         members=members,
         taken=frozenset(things - set(members.values())),
         warnings=(*warnings, *twice),
@@ -115,8 +119,11 @@ def lacking(layer) -> str:
     return ""
 
 
-def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> Projection:
-    """The projection of a layer's camera in a frame of the image. Raises ProjectionError or FrustumError."""
+def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> tuple[Projection, Array | None]:
+    """The projection of a layer's camera in a frame of the image, and its plane of depth.
+
+    Raises ProjectionError or FrustumError.
+    """
     if lost := absent_text(camera, depsgraph.scene, Message("choose another camera under Seen By")):
         raise ProjectionError(lost)
     evaluated = camera.evaluated_get(depsgraph)
@@ -125,13 +132,15 @@ def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> Projecti
         projection = read_projection(camera, depsgraph, own_aspect)
     else:
         projection = frustum_projection(evaluated, depsgraph, own_aspect)
+    plane = own_depth_plane(projection, evaluated, depsgraph, eye)
+    if not camera.scfpf.enabled:
         # A frame of another shape shows more or less height, undistorted.
         ends = (replace(end, height=end.height * aspect / own_aspect) for end in projection.volume.surfaces)
         projection = replace(projection, volume=ViewingVolume(tuple(ends)))
     if frame != Framed():
         seen = seen_through((frame,), projection.reparameterisation)
         projection = replace(projection, reparameterisation=seen)
-    return projection.transformed(seen_by(evaluated, eye)) if eye else projection
+    return projection.transformed(seen_by(evaluated, eye)) if eye else projection, plane
 
 
 def _members(names, collections) -> tuple[dict[int, int], list[str]]:

@@ -7,14 +7,17 @@ import atexit
 import contextlib
 import threading
 import time
+from dataclasses import replace
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
+from ...shading.typing import Single
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
-from .render_delivery import Delivery
+from .render_delivery import WHOLE, Delivery
 from .render_errors import RenderError, failure_message, told
 from .render_inputs import RenderInputs, read_inputs, with_light_warnings, with_motion
 from .render_passes import layer_warnings, list_render_passes
@@ -26,10 +29,15 @@ ENGINE = "SCFPF"
 SETTLE_SECONDS = 0.5
 GIVEN_UP = "SCFPF was disabled during the render: enable it and render again"
 
+# Passes that Blender draws Grease Pencil into.
+DRAWN_INTO = ("Combined", "Depth", "GreasePencil")
+
 # Set while the add-on is disabled until a running job of this engine has ended.
 _given_up = threading.Event()
 # The warnings that the running job has reported: an animation makes an engine for each of its frames.
 _said: set[str] = set()
+# Set if the image that was rendered last is one that Freestyle's lines fit.
+_lines = threading.Event()
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -39,6 +47,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
     bl_label = "SCFPF"
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
+    # This engine renders Freestyle's lines. EEVEE, which Blender takes otherwise, has to build its shaders.
+    bl_use_custom_freestyle = True
     # Materials and worlds use the nodes of Cycles and EEVEE.
     bl_use_shading_nodes_custom = False
 
@@ -53,6 +63,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         However this ends, Blender gets pixels: without them it crashes when it saves. An error becomes a
         report, which stops animations and prevents the writing of files.
         """
+        self.kept, self.is_ordinary = {}, True
+        is_of_lines = _is_of_freestyle(depsgraph.scene)
         try:
             with contextlib.ExitStack() as ends:
                 views = [view.name for view in self.get_result().views]
@@ -62,15 +74,42 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
                 ]
                 for delivery in deliveries:
                     ends.callback(delivery.close)
+                if is_of_lines and not _lines.is_set():
+                    return
                 for delivery in deliveries:
                     # From here on Blender returns the camera of this view, if it has one of its own.
                     self.active_view_set(delivery.view)
                     # No local name holds the inputs: see prepare_scene.
                     self._make(self._read(depsgraph, delivery), delivery)
+            if not is_of_lines:
+                (_lines.set if self.is_ordinary else _lines.clear)()
+            if not self.is_ordinary:
+                self._keep(depsgraph)
             if _given_up.is_set():
                 self._fail(GIVEN_UP)
         except Exception as error:  # Blender would print it and report success.
             self._fail(failure_message(error))
+
+    def render_frame_finish(self):
+        """Put back the pixels over which Blender has drawn Grease Pencil as an ordinary camera sees it."""
+        kept, self.kept = getattr(self, "kept", {}), {}
+        for (layer, view), values in kept.items():
+            result = self.begin_result(0, 0, WHOLE, WHOLE, layer=layer, view=view)
+            try:
+                for name, pixels in values.items():
+                    result.layers[0].passes.find_by_name(name, view).rect.foreach_set(pixels)
+            finally:
+                self.end_result(result)
+
+    def _keep(self, depsgraph) -> None:
+        """Keep the passes of a view layer that Blender draws Grease Pencil into, if it has any."""
+        if not any(instance.object.type == "GREASEPENCIL" for instance in depsgraph.object_instances):
+            return
+        name, result = depsgraph.view_layer_eval.name, self.get_result()
+        passes = result.layers[name].passes
+        for view in result.views:
+            found = {each: passes.find_by_name(each, view.name) for each in DRAWN_INTO}
+            self.kept[name, view.name] = {each: _values(made) for each, made in found.items() if made}
 
     def view_update(self, context, depsgraph):
         """Note that the scene of a viewport in Rendered shading has changed."""
@@ -110,11 +149,16 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             may_be_empty=True,
             cancelled=cancelled,
             eye=eye,
+            strokes_shown=True,
         )
+        if _is_of_freestyle(depsgraph.scene):
+            # Lines have a style of their own, and materials that no artist has made.
+            return replace(inputs, settings=replace(inputs.settings, stylised=None))
+        self.is_ordinary &= inputs.is_ordinary
         if not cancelled():
             inputs = with_light_warnings(inputs, depsgraph)
         layer = depsgraph.view_layer_eval
-        warnings = (*inputs.scene.warnings, *layer_warnings(self.render, layer, camera.scfpf.enabled))
+        warnings = (*inputs.scene.warnings, *layer_warnings(self.render, layer, inputs.is_ordinary))
         # Warnings about a scene that was read in part would be wrong.
         for warning in () if cancelled() else warnings:
             if warning not in _said:
@@ -162,6 +206,18 @@ def _job_begins(*_):
 
 
 HANDLERS = {"render_init": _job_begins}
+
+
+def _is_of_freestyle(scene) -> bool:
+    """Return whether a scene is one of lines that Freestyle has made, apart from the file's scenes."""
+    return all(scene.original.session_uid != each.session_uid for each in bpy.data.scenes)
+
+
+def _values(render_pass) -> Single:
+    """A copy of the values of a bpy.types.RenderPass, flat."""
+    values = np.empty(len(render_pass.rect) * render_pass.channels, np.float32)
+    render_pass.rect.foreach_get(values)
+    return values
 
 
 def give_up() -> None:

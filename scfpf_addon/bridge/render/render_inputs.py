@@ -15,14 +15,14 @@ from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border, FrameSettings
 from ..blender.scene_objects import absent_text
 from ..blends.camera_blend import unbaked
-from ..camera.ordinary_camera import depth_plane, frustum_projection
+from ..camera.ordinary_camera import frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection
-from ..camera.stereo_views import Eye, eye_place, seen_by, unseen_settings
+from ..camera.stereo_views import Eye, own_depth_plane, seen_by, unseen_settings
 from ..layers.read_image_layers import ReadLayers, read_image_layers
 from ..scene.read_images import with_images
 from ..scene.read_motion import MotionReader, read_moments, read_neighbours
-from ..scene.read_scene import never, read_scene
+from ..scene.read_scene import FACELESS, never, read_scene
 from ..scene.read_world import missing_light_warnings
 from ..scene.render_depsgraph import with_render_depsgraph
 from ..settings.sampling import sampling_of
@@ -38,7 +38,8 @@ class RenderInputs:
     """The inputs of a render: arrays and numbers only, because Blender may change or free its data meanwhile.
 
     moments: what the samples see while the shutter is open, () without motion blur. image_layers: those
-    of the projection, and which objects they show.
+    of the projection, and which objects they show. is_ordinary: whether the image is what the camera sees
+    as an ordinary one.
     """
 
     projection: Projection
@@ -46,6 +47,7 @@ class RenderInputs:
     settings: FrameSettings
     moments: tuple[Moment, ...] = ()
     image_layers: ReadLayers = field(default_factory=ReadLayers)
+    is_ordinary: bool = False
 
 
 def ready_size(scene, camera) -> tuple[int, int]:
@@ -106,25 +108,36 @@ def read_inputs(
     aspect: float | None = None,
     cancelled: Callable[[], bool] = never,
     eye: Eye = "",
+    strokes_shown: bool = False,
 ) -> RenderInputs:
     """Read the inputs of an image of a depsgraph through a camera, flexible or not, without motion.
 
     size: of the whole image in pixels. pixel_error: overrides the camera's own. border: the part that is
     made. passes: names of ``shading.passes.PASSES``. may_be_empty, cancelled: as for ``read_scene``.
     scene: read from the depsgraph before, with the camera's layers. aspect: of the image as it is shown, by
-    default from its size and the scene's pixel aspect. eye: of a stereoscopic scene. Raises one of
-    RENDER_ERRORS.
+    default from its size and the scene's pixel aspect. eye: of a stereoscopic scene. strokes_shown: whether
+    Blender draws Grease Pencil over the image if the view is an ordinary one. Raises one of RENDER_ERRORS.
     """
     render = depsgraph.scene_eval.render
     evaluated = camera.evaluated_get(depsgraph)
     options = evaluated.scfpf
     aspect = aspect or shown_aspect(render, *size)
     layers = read_image_layers(camera, depsgraph, aspect, eye)
-    projection = replace(read_view(depsgraph, camera, aspect, eye), layers=layers.layers)
+    projection = read_view(depsgraph, camera, aspect)
+    plane = own_depth_plane(projection, evaluated, depsgraph, eye)
+    is_ordinary = plane is not None and not layers.layers
+    projection = replace(seen_from(projection, evaluated, eye), layers=layers.layers)
     lens, lens_warning = read_lens(evaluated, projection, depsgraph, eye)
     if scene is None:
         scene = with_images(
-            read_scene(depsgraph, may_be_empty, "UV" in passes, cancelled, layers.members),
+            read_scene(
+                depsgraph,
+                may_be_empty,
+                "UV" in passes,
+                cancelled,
+                layers.members,
+                FACELESS - {"GREASEPENCIL"} if strokes_shown and is_ordinary else FACELESS,
+            ),
             projection,
             transparent=render.film_transparent,
         )
@@ -134,17 +147,16 @@ def read_inputs(
     marks = {}
     if any(name.startswith("CRYPTO") for name in passes):
         marks = {kind: identifiers(names) for kind, names in crypto_names(scene).items()}
-    plane = None if options.enabled else depth_plane(eye_place(evaluated, eye))
     settings = frame_settings(
         depsgraph.scene_eval,
         size,
         samples=options.samples,
         pixel_error=options.pixel_error if pixel_error is None else pixel_error,
         border=border,
-        passes=DataPasses(passes, plane, identifiers=marks),
+        passes=DataPasses(passes, plane, layers.planes, identifiers=marks),
         depth_of_field=lens,
     )
-    return RenderInputs(projection, scene, settings, image_layers=layers)
+    return RenderInputs(projection, scene, settings, image_layers=layers, is_ordinary=is_ordinary)
 
 
 def frame_settings(scene, size: tuple[int, int], **own) -> FrameSettings:
@@ -169,7 +181,12 @@ def read_view(depsgraph, camera, aspect: float, eye: Eye = "") -> Projection:
         projection = read_projection(camera, depsgraph, aspect)
     else:
         projection = frustum_projection(evaluated, depsgraph, aspect)
-    return projection.transformed(seen_by(evaluated, eye)) if eye else projection
+    return seen_from(projection, evaluated, eye)
+
+
+def seen_from(projection: Projection, camera, eye: Eye) -> Projection:
+    """The projection of an eye of an evaluated camera, whose own is given."""
+    return projection.transformed(seen_by(camera, eye)) if eye else projection
 
 
 def with_motion(

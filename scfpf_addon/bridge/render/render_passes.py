@@ -93,7 +93,7 @@ MADE_SWITCHES = {each.property for each in PASS_SWITCHES} | {
 }
 ABSENT = Message("Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): ")
 FREESTYLE = Message(
-    "Freestyle draws its lines as an ordinary camera sees them, not along the projectors: use Drawn Style "
+    "Freestyle's lines are left out, as it only draws what an ordinary camera sees: use Drawn Style "
     "instead of it"
 )
 
@@ -119,10 +119,10 @@ def _crypto_kinds(view_layer) -> Iterator[str]:
             yield kind
 
 
-def layer_warnings(render, view_layer, flexible: bool) -> Iterator[str]:
-    """Warnings about passes that this engine does not make, and about lines that Blender adds to F12's image.
+def layer_warnings(render, view_layer, is_ordinary: bool) -> Iterator[str]:
+    """Warnings about passes that this engine does not make, and about lines that F12's image lacks.
 
-    render, view_layer: evaluated. flexible: whether the camera is.
+    render, view_layer: evaluated. is_ordinary: see ``RenderInputs``.
     """
     names = [each.name for each in (*view_layer.aovs, *view_layer.lightgroups)]
     for owner in (view_layer, getattr(view_layer, "cycles", None)):
@@ -133,7 +133,7 @@ def layer_warnings(render, view_layer, flexible: bool) -> Iterator[str]:
                 names.append(each.name)
     if names:
         yield Message("{0}{1}", ABSENT, listing(names, most=8))
-    if flexible and render.use_freestyle and view_layer.use_freestyle:
+    if not is_ordinary and render.use_freestyle and view_layer.use_freestyle:
         yield FREESTYLE
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +55,7 @@ def read_scene(
     with_uv: bool = False,
     cancelled: Callable[[], bool] = never,
     image_layers: Mapping[int, int] | None = None,
+    faceless: Set[str] = FACELESS,
 ) -> Scene:
     """Read everything that an image of the depsgraph's view layer shows.
 
@@ -66,9 +67,10 @@ def read_scene(
     may_be_empty: return a scene of no triangles with a warning if nothing can be shown. with_uv: read the
     texture coordinates of renders, too. cancelled(): whether to return the part that has been read.
     image_layers: the number of the image layer by an object's session id; that of an instancer comes first.
-    Raises SceneError if nothing can be shown otherwise, or memory cannot hold it.
+    faceless: the types of objects without faces of which a warning tells. Raises SceneError if nothing can
+    be shown otherwise, or memory cannot hold it.
     """
-    reader = _SceneReader(depsgraph, with_uv, image_layers or {})
+    reader = _SceneReader(depsgraph, with_uv, image_layers or {}, faceless)
     for instance in depsgraph.object_instances:
         if cancelled():
             break
@@ -111,8 +113,8 @@ def read_scene(
 class _SceneReader:
     """Gathers instances; every mesh, material and visibility is read once."""
 
-    def __init__(self, depsgraph, with_uv: bool, image_layers: Mapping[int, int]) -> None:
-        self._image_layers = image_layers
+    def __init__(self, depsgraph, with_uv: bool, image_layers: Mapping[int, int], faceless: Set[str]) -> None:
+        self._image_layers, self._faceless = image_layers, faceless
         self.meshes: list[MeshArrays] = []
         self.object_numbers: dict[str, int] = {}
         self.pass_indices: list[int] = []
@@ -145,7 +147,7 @@ class _SceneReader:
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``, without a reference to it."""
         obj = instance.object
-        if obj.type not in {"MESH", "LIGHT"} and obj.type not in FACELESS:
+        if obj.type not in {"MESH", "LIGHT"} and obj.type not in self._faceless:
             return
         if obj.type in self._filtered:
             return
@@ -163,7 +165,7 @@ class _SceneReader:
                 self._note_object(obj)
         if not shown[0]:
             return
-        if obj.type in FACELESS:
+        if obj.type in self._faceless:
             self._lost[NO_FACES][own.name] = None
             return
         matrix = np.array(instance.matrix_world, np.float64)

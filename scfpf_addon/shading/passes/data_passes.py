@@ -33,12 +33,14 @@ class DataPasses:
 
     names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world space, the
     distance from an ordinary camera along its axis; None for the length of the projector from the near
-    surface. neighbours: the frames before and after, for motion vectors. identifiers: numbers that stand for
-    each object ("OBJECT") and material ("MATERIAL") in cryptomattes, by their index.
+    surface. layer_planes: those of the image's layers, () if it has none. neighbours: the frames before and
+    after, for motion vectors. identifiers: numbers that stand for each object ("OBJECT") and material
+    ("MATERIAL") in cryptomattes, by their index.
     """
 
     names: tuple[str, ...] = ()
     depth_plane: Array | None = None
+    layer_planes: tuple[Array | None, ...] = ()
     neighbours: tuple[Neighbour, Neighbour] | None = None
     identifiers: dict[str, Single] = field(default_factory=dict)
 
@@ -85,8 +87,9 @@ class PassSource:
 
     def of_layers(self) -> Iterator[PassSource]:
         """The source of each layer of the image, by number: its hits lie on projectors of its own."""
+        planes = self.wanted.depth_plane, *self.wanted.layer_planes
         for number, projection in enumerate(self.projection.of_layers):
-            wanted = self.wanted
+            wanted = replace(self.wanted, depth_plane=planes[number] if number < len(planes) else None)
             if wanted.neighbours is not None:
                 before, after = (
                     each._replace(projection=each.projection.of_layers[number]) for each in wanted.neighbours
