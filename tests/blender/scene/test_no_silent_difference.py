@@ -203,7 +203,7 @@ def warnings(addon):
     def of_f12():
         scene, layer = bpy.context.scene, bpy.context.view_layer
         read = prepare(scene, layer, scene.camera).scene.warnings
-        return [*read, *passes.layer_warnings(scene.render, layer, flexible=True)]
+        return [*read, *passes.layer_warnings(scene.render, layer, is_ordinary=False)]
 
     return of_f12
 
