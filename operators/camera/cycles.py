@@ -3,11 +3,12 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
 from ..common.words import say, told
@@ -31,9 +32,12 @@ class _Planned:
     def execute(self, context):
         try:
             camera = self.planned_camera(context)
-            return self.finish(context, camera, None if camera is None else planned(context, camera))
+            with all_or_nothing():
+                return self.finish(context, camera, None if camera is None else planned(context, camera))
         except BAD_INPUT as error:
             return refused(self, error)
+        except Exception as error:
+            return failed(self, error)
 
     def invoke(self, context, _event):
         try:
@@ -43,6 +47,8 @@ class _Planned:
             self._planning = Planning(context, camera)
         except BAD_INPUT as error:
             return refused(self, error)
+        except Exception as error:
+            return failed(self, error)
         window_manager = context.window_manager
         window_manager.progress_begin(0.0, 1.0)
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
@@ -70,6 +76,10 @@ class _Planned:
             self._planning.give_up()
             self._leave(context)
             return refused(self, error)
+        except Exception as error:
+            self._planning.give_up()
+            self._leave(context)
+            return failed(self, error)
         self._leave(context)
         return outcome
 
@@ -109,9 +119,10 @@ class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
         if plan is None:
             rigs.switch_off(rig_of(context.scene))
             return {"FINISHED"}
-        rig = rigs.switch_on(context, camera, plan)
-        for caution in cautions(context.scene, context.view_layer, rig):
-            self.report({"WARNING"}, told(caution))
+        with rigs.switched_on(context, camera, plan) as rig:
+            texts = [told(caution) for caution in cautions(context.scene, context.view_layer, rig)]
+        for text in texts:
+            self.report({"WARNING"}, text)
         self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
         return {"FINISHED"}
 

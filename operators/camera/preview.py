@@ -7,10 +7,10 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.scanline.preview import preview_building
-from ...scfpf_addon.scanline.preview.preview import show, switch_off, switch_on
+from ...scfpf_addon.scanline.preview.preview import show, switch_off, switched_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
 from ..common.words import say, told
@@ -62,14 +62,22 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
-        more = self._building.step()
+        try:
+            more = self._building.step()
+        except Exception as error:
+            self._leave(context)
+            self._building.give_up()
+            return failed(self, error)
         self._show_progress(context)
         if more:
             return {"RUNNING_MODAL"}
         self._leave(context)
         # A modal operator's context lacks the camera of the button's panel.
         camera = context.scene.objects.get(self._camera)
-        return self._switch(context, camera) if camera is not None else {"CANCELLED"}
+        outcome = self._switch(context, camera) if camera is not None else {"CANCELLED"}
+        if outcome == {"CANCELLED"}:
+            self._building.give_up()
+        return outcome
 
     def cancel(self, context):
         """Leave the groups that are built: Blender closes the window, opens a file or quits."""
@@ -99,25 +107,34 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             # A preview of another view layer is replaced.
             switch_off(source)
         try:
-            source = switch_on(context, camera)
+            with switched_on(context, camera) as source:
+                texts = self._cautions(context, camera, source)
         except BAD_INPUT as error:
             return refused(self, error)
-        depsgraph = context.evaluated_depsgraph_get()
-        try:
-            read_projection(camera, depsgraph, image_aspect(context.scene))
-        except BAD_INPUT as error:
-            # The preview stays and follows as soon as the volume is valid.
-            self.report({"WARNING"}, told(error))
-        else:
-            if is_flat(source, depsgraph):
-                self.report({"WARNING"}, FLAT)
-        if text := not_here(camera):
-            self.report({"WARNING"}, told(text))
+        except Exception as error:
+            return failed(self, error)
+        for text in texts:
+            self.report({"WARNING"}, text)
         if bpy.app.background:
             self.report(
                 {"INFO"}, "The nodes preview is ready: open the file in a Blender with a window to see it"
             )
         return {"FINISHED"}
+
+    def _cautions(self, context, camera, source) -> list[str]:
+        """Warnings about a new preview."""
+        found, depsgraph = [], context.evaluated_depsgraph_get()
+        try:
+            read_projection(camera, depsgraph, image_aspect(context.scene))
+        except BAD_INPUT as error:
+            # The preview stays and follows as soon as the volume is valid.
+            found.append(told(error))
+        else:
+            if is_flat(source, depsgraph):
+                found.append(FLAT)
+        if text := not_here(camera):
+            found.append(told(text))
+        return found
 
 
 class SCFPF_OT_preview_show(Action, bpy.types.Operator):

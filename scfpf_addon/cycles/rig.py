@@ -7,13 +7,15 @@ ends of the chords, and checks them when the volume has changed.
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
 from ..bridge.blender import versions
+from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ..bridge.blender.app_handlers import add_handlers, remove_handlers
 from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.image_size import image_size
@@ -33,6 +35,7 @@ from .rig_data import (
     adopt,
     check_surfaces,
     fit_screen,
+    give_back,
     has_old_nodes,
     is_whole,
     make_rig,
@@ -45,6 +48,7 @@ from .rig_data import (
     restore_pointers,
     rig_of,
     rigs,
+    sheets_kept,
     update_nodes,
     write_sheets,
 )
@@ -61,37 +65,97 @@ STALE = Message("The animated volume has changed: press Update Chords")
 _seen: dict[int, tuple] = {}
 # Session ids of the tables that ``release_pointers`` returned during undo and redo, by that of the rig.
 _released: dict[int, int] = {}
+# Blocks that write rigs. An evaluation meanwhile may show probes, which handlers must not take for sheets.
+_writing: list[object] = []
+
+
+@contextmanager
+def _being_written() -> Iterator[None]:
+    """Keep handlers from following rigs while a rig is written; they follow after the next update."""
+    mark = object()
+    _writing.append(mark)
+    try:
+        yield
+    finally:
+        _writing.remove(mark)
+
+
+@contextmanager
+def _rewritten(rig) -> Iterator[None]:
+    """As ``_being_written`` for a rig that stays: after an error it has its sheets, and skips no chord."""
+    with _being_written():
+        try:
+            with sheets_kept(rig):
+                yield
+        except BaseException:
+            stop_skipping(rig)
+            raise
 
 
 def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
     """Make the rig of a camera in the context's scene; return its collection.
 
-    It replaces the scene's rig of another camera. plan: of ``Planning``, None to make it. Raises RigError, or
-    an error of ``read_projection``; nothing is left behind then.
+    It replaces the scene's rig of another camera, and updates that of the same one. plan: of ``Planning``,
+    None to make it. Raises RigError, or an error of ``read_projection``; after any error all is as before.
     """
+    with switched_on(context, camera, plan) as rig:
+        return rig
+
+
+@contextmanager
+def switched_on(context, camera, plan: tuple[ChordPlan, bool] | None = None) -> Iterator:
+    """As ``switch_on``, with a block that gets the rig; after any error in it, too, all is as before."""
     scene = context.scene
-    chords, animated = planned(context, camera) if plan is None else plan
     present = rig_of(scene)
+    if present is not None and present.scfpf_rig.camera == camera:
+        update(context, present, plan)
+        yield present
+        return
+    try:
+        with all_or_nothing() as kept, _being_written():
+            require_cycles(scene)
+            chords, animated = planned(context, camera) if plan is None else plan
+            _keep_settings(kept, scene, camera)
+            if present is not None:
+                _look_through(scene, present.scfpf_rig.camera, False)
+                give_back(present)
+            rig = make_rig(scene, camera, chords)
+            rig.scfpf_rig.animated = animated
+            _hide_surfaces()
+            _look_through(scene, camera, True)
+            write_skipping(rig, chords)
+            _note(rig, context.evaluated_depsgraph_get(), chords)
+            yield rig
+    except BaseException:
+        _hide_surfaces()
+        raise
     if present is not None:
-        switch_off(present)
-    rig = make_rig(scene, camera, chords)
-    rig.scfpf_rig.animated = animated
-    _hide_surfaces()
-    _look_through(scene, camera, True)
-    write_skipping(rig, chords)
-    _note(rig, context.evaluated_depsgraph_get(), chords)
-    return rig
+        _remove(present, gives_back=False)
+
+
+def _keep_settings(kept: Kept, scene, camera) -> None:
+    """Keep the settings that rigs take over, of a scene and of others that render through its rig."""
+    kept.keep_keys(camera)
+    for user in bpy.data.scenes:
+        kept.keep(user, "camera")
+    kept.keep(scene.render, "engine")
+    kept.keep(scene.cycles, "transparent_max_bounces", "dicing_camera", "offscreen_dicing_scale")
+    for marker in scene.timeline_markers:
+        kept.keep(marker, "camera")
+    for space in _viewports(scene):
+        kept.keep(space, "camera", "use_local_camera")
 
 
 def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
     """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
     chords, animated = planned(context, rig.scfpf_rig.camera) if plan is None else plan
-    update_nodes(rig)
-    renew_materials(rig)
-    rig.scfpf_rig.animated = animated
-    rig.scfpf_rig.problem = ""
-    write_skipping(rig, chords)
-    _note(rig, context.evaluated_depsgraph_get(), chords)
+    with _rewritten(rig):
+        update_nodes(rig)
+        renew_materials(rig)
+        rig.scfpf_rig.animated = animated
+        rig.scfpf_rig.problem = ""
+        write_skipping(rig, chords)
+        _note(rig, context.evaluated_depsgraph_get(), chords)
 
 
 def prepare_render(context, rig, animation: bool = False, apart: bool = False) -> None:
@@ -101,7 +165,7 @@ def prepare_render(context, rig, animation: bool = False, apart: bool = False) -
     """
     context.view_layer.update()
     if is_whole(rig) and not rig.scfpf_rig.problem:
-        with suppress(ProjectionError, RenderError, RigError):
+        with suppress(ProjectionError, RenderError, RigError), _rewritten(rig):
             renew(rig, context.view_layer, animation, apart)
 
 
@@ -120,8 +184,13 @@ def switch_off(rig) -> None:
     settings = rig.scfpf_rig
     if settings.scene is not None and settings.camera is not None:
         _look_through(settings.scene, settings.camera, False)
+    _remove(rig)
+
+
+def _remove(rig, gives_back: bool = True) -> None:
+    """As ``switch_off``. gives_back: False if the scene's settings are those of another rig."""
     _seen.pop(rig.session_uid, None)
-    remove_rig(rig)
+    remove_rig(rig, gives_back)
     # The rig's camera may have been made flexible.
     sync_volumes()
     _hide_surfaces()
@@ -135,18 +204,19 @@ def _hide_surfaces() -> None:
 
 def _look_through(scene, camera, on: bool) -> None:
     """Keep viewports looking through the flexible camera, not at the rig's screen; or undo that."""
+    for space in _viewports(scene):
+        if on and not space.use_local_camera:
+            space.use_local_camera = True
+            space.camera = camera
+        elif not on and space.use_local_camera and space.camera == camera:
+            space.use_local_camera = False
+
+
+def _viewports(scene) -> Iterator:
+    """The spaces of the 3D viewports that show a scene."""
     for window in bpy.context.window_manager.windows if bpy.context.window_manager else ():
-        if window.scene != scene:
-            continue
-        for area in window.screen.areas:
-            if area.type != "VIEW_3D":
-                continue
-            space = area.spaces.active
-            if on and not space.use_local_camera:
-                space.use_local_camera = True
-                space.camera = camera
-            elif not on and space.use_local_camera and space.camera == camera:
-                space.use_local_camera = False
+        if window.scene == scene:
+            yield from (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D")
 
 
 def sync(scene, depsgraph, may_remove: bool = True) -> None:
@@ -154,6 +224,8 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
 
     may_remove: False while Blender goes to another frame or another scene, where removal would crash.
     """
+    if _writing:
+        return
     for rig in rigs():
         if rig.scfpf_rig.passing:
             continue

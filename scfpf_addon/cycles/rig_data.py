@@ -7,12 +7,16 @@ sheets from the renders of all cameras except the rig's own, with or without the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 
 from ..bridge.blender import versions
+from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ..bridge.blender.drivers import follow_property, new_driver
-from ..bridge.blender.modifier_inputs import renew_relations, set_inputs
+from ..bridge.blender.modifier_inputs import input_identifiers, renew_relations, set_inputs
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, MARK_KEY, RIG_KEY, add_mark
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
@@ -57,6 +61,8 @@ LAYOUT = 1
 # Screens that differ by this factor less than e are left alone when the volume is edited.
 SAME_SCREEN = 0.1
 CYCLES = "CYCLES"
+# Inputs of the modifier that depend on the sheets.
+WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes")
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
@@ -124,8 +130,9 @@ def check_surfaces(camera) -> None:
 def build_groups(camera) -> list[str]:
     """Build the node groups of a camera's rig, which takes long; return the names of the new ones."""
     before = {group.name for group in bpy.data.node_groups}
-    table_group_of(camera, with_inverse=False)
-    portal_nodes.portal_group()
+    with all_or_nothing():
+        table_group_of(camera, with_inverse=False)
+        portal_nodes.portal_group()
     return [group.name for group in bpy.data.node_groups if group.name not in before]
 
 
@@ -138,8 +145,8 @@ def remove_groups(names: list[str]) -> None:
 def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bool = False):
     """Make all datablocks of a camera's rig; return its collection. The scene then renders through it.
 
-    passing: whether the rig is made for one render: it does not follow the camera. passes: whether its
-    portals write into AOVs.
+    Call it within ``all_or_nothing``. passing: whether the rig is made for one render: it does not follow
+    the camera. passes: whether its portals write into AOVs.
     """
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
@@ -238,7 +245,7 @@ def _take_over(rig) -> None:
         scene.cycles.offscreen_dicing_scale = SAME_OFFSCREEN
 
 
-def _give_back(rig) -> None:
+def give_back(rig) -> None:
     """Restore the state before ``_take_over``, unless the artist has changed it."""
     settings = rig.scfpf_rig
     scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
@@ -429,6 +436,33 @@ def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
     settings.bounces = cycles.transparent_max_bounces = min(wanted, MOST_BOUNCES)
 
 
+@contextmanager
+def sheets_kept(rig) -> Iterator[None]:
+    """Restore the sheets and the figures of a rig if the block raises."""
+    settings = rig.scfpf_rig
+    portal_object, modifier = settings.portals, settings.portals.modifiers[MODIFIER]
+    mesh = portal_object.data
+    identifiers = input_identifiers(modifier.node_group)
+    inputs = {name: versions.modifier_input(modifier, identifiers[name]) for name in WRITTEN_INPUTS}
+    backup = mesh.copy()
+    backup.materials.clear()
+    try:
+        with Kept() as kept:
+            kept.keep(settings)
+            yield
+            kept.pop_all()
+    except BaseException:
+        for material in mesh.materials:
+            backup.materials.append(material)
+        name = mesh.name
+        portal_object.data = backup
+        bpy.data.meshes.remove(mesh)
+        backup.name = name
+        set_inputs(modifier, inputs)
+        raise
+    bpy.data.meshes.remove(backup)
+
+
 def probe_mesh(rig, chords: ChordPlan, cells: tuple[int, int]) -> None:
     """Fill a rig's mesh so that its evaluated vertices are the ends of all chords, for ``read_ends``.
 
@@ -475,10 +509,14 @@ def _fill(mesh, arrays: Portals, mapped: Array) -> None:
     mesh.update_tag()
 
 
-def remove_rig(rig) -> None:
-    """Remove a rig and every datablock that was made for it, even if some are lost."""
+def remove_rig(rig, gives_back: bool = True) -> None:
+    """Remove a rig and every datablock that was made for it, even if some are lost.
+
+    gives_back: False if the scene's settings are those of another rig.
+    """
     settings = rig.scfpf_rig
-    _give_back(rig)
+    if gives_back:
+        give_back(rig)
     if settings.scene is not None and not settings.passing:
         aov_passes.remove(settings.scene)
     own = settings.portals, settings.view_camera, settings.dicing_camera, settings.table

@@ -55,7 +55,8 @@ def add_mark(driver) -> None:
 
 def has_other_animation(owner) -> bool:
     """Return whether a datablock has an action, NLA tracks, or drivers that do not hide it from rigs."""
-    animation = owner.animation_data
+    # Images, the data of empties, have no animation.
+    animation = getattr(owner, "animation_data", None)
     if animation is None:
         return False
     if animation.action is not None or len(animation.nla_tracks):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
 from ...bridge.render.image_size import image_aspect, image_size
 from ...projection.mappings.stack import Stack
@@ -73,11 +74,13 @@ def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
         with passing.shaped(view.frame.size[0] / view.frame.size[1]):
             chords = _plan(passing.scene, camera, view)
             passes = passing.passes.need_chords
-            rig = make_rig(passing.scene, camera, chords, passing=True, passes=passes)
+            with all_or_nothing() as kept:
+                kept.keep_keys(camera)
+                rig = make_rig(passing.scene, camera, chords, passing=True, passes=passes)
+                hidden_surfaces.forget()
+                hidden_surfaces.hide_surfaces(True)
+                write_skipping(rig, chords)
             made = rig.session_uid
-            hidden_surfaces.forget()
-            hidden_surfaces.hide_surfaces(True)
-            write_skipping(rig, chords)
         _place(rig, view.frame)
         yield cautions(passing.scene, passing.scene.view_layers[0], rig)
     finally:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.scene_objects import object_by_uid
 from ...bridge.render.command_line import CYCLES_RENDERS
 from ...bridge.render.image_file import ResultError, frame_file, is_multilayer, require_place, save_result
@@ -58,8 +59,13 @@ class LayersJob:
     def step(self) -> bool:
         """Take what Blender has rendered, and prepare its next render; False after the last picture.
 
-        Raises LAYERS_ERRORS.
+        Raises LAYERS_ERRORS. After any error only ``close`` is left to be called.
         """
+        with all_or_nothing():
+            return self._next_render()
+
+    def _next_render(self) -> bool:
+        """As ``step``."""
         while self._render is not None or self._begin():
             assert self._render is not None
             try:

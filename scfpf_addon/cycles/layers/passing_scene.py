@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 
 import bpy
 
+from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.rig_mark import PASSING_KEY
 from ...bridge.blender.versions import image_format_properties
 from ...bridge.scene.read_visibility import rendered_objects
@@ -56,8 +57,13 @@ class PassingScene:
     """
 
     def __init__(self, scene, view_layer) -> None:
-        copy = scene.copy()
-        self.name, self._folder = copy.name, tempfile.mkdtemp(prefix="scfpf-")
+        with all_or_nothing() as kept:
+            copy = scene.copy()
+            self.name, self._folder = copy.name, tempfile.mkdtemp(prefix="scfpf-")
+            kept.callback(shutil.rmtree, self._folder, ignore_errors=True)
+            self._prepare(copy, view_layer)
+
+    def _prepare(self, copy, view_layer) -> None:
         self._made: list[str] = []
         self._groups: list[str] = []
         self._beyond: dict[frozenset[int], str] = {}

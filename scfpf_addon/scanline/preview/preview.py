@@ -8,12 +8,15 @@ camera is removed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ...bridge.blender import versions
+from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.scene.read_materials import volume_only_materials
@@ -70,11 +73,20 @@ def _state(source) -> _State:
 def switch_on(context, camera):
     """Preview a camera, in a viewport of its own unless Blender has no window; return the source collection.
 
-    Raises PreviewError or ViewportError; nothing is left behind then.
+    Raises PreviewError or ViewportError; after any error all is as before.
     """
+    with switched_on(context, camera) as source:
+        return source
+
+
+@contextmanager
+def switched_on(context, camera) -> Iterator:
+    """As ``switch_on``, with a block that gets the source; after any error in it, too, all is as before."""
     scene, view_layer = context.scene, context.view_layer
-    source = make_preview(scene, view_layer, camera)
-    try:
+    with all_or_nothing() as kept:
+        kept.keep_keys(camera)
+        source = make_preview(scene, view_layer, camera)
+        kept.callback(_forget, source.session_uid)
         preview_drafts.begin(source)
         view_layer.update()
         _follow_members(source, view_layer, view_layer.depsgraph)
@@ -82,11 +94,9 @@ def switch_on(context, camera):
         _known.add(source.session_uid)
         if context.window is not None and not bpy.app.background:
             preview_viewports.hide_from_others(source)
+            kept.callback(_close_viewports, source)
             show(context, source)
-    except Exception:
-        _remove(source)
-        raise
-    return source
+        yield source
 
 
 def show(context, source) -> None:
@@ -97,18 +107,27 @@ def show(context, source) -> None:
 
 def switch_off(source) -> None:
     """Close a preview's viewports, and remove all that was made for it."""
+    _close_viewports(source)
+    _remove(source)
+
+
+def _close_viewports(source) -> None:
     for window, area in preview_viewports.viewports_of(source):
         preview_viewports.close_viewport(window, area)
-    _remove(source)
 
 
 def _remove(source) -> None:
     uid = source.session_uid
     remove_preview(source)
-    _states.pop(uid, None)
-    _known.discard(uid)
+    _forget(uid)
     # The viewport's camera may have been made flexible.
     sync_volumes()
+
+
+def _forget(uid: int) -> None:
+    """Forget the state of a preview by its session id."""
+    _states.pop(uid, None)
+    _known.discard(uid)
 
 
 def _camera_signature(camera, scene) -> tuple:

@@ -66,7 +66,11 @@ def face_count(candidate, depsgraph=None) -> int:
         return own
     if candidate.type == "MESH" and not any(modifier.type == "NODES" for modifier in candidate.modifiers):
         return max(own, len(evaluated.data.polygons))
-    return max(own, _geometry_faces(evaluated.evaluated_geometry(), depsgraph))
+    try:
+        geometry = evaluated.evaluated_geometry()
+    except TypeError:  # of a type without geometry, or not evaluated since viewports hide it
+        return own
+    return max(own, _geometry_faces(geometry, depsgraph))
 
 
 def _geometry_faces(geometry, depsgraph) -> int:

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All or nothing: after an error the datablocks that a block has made go, and values that it has set return.
+
+What a block deletes cannot return, so it deletes last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import bpy
+
+# The collection of bpy.data whose members no block makes. Members of collections without ``remove`` belong to
+# windows or to other datablocks.
+LIBRARIES = "libraries"
+# The add-on's own custom properties begin so.
+OWN_KEYS = "scfpf_"
+
+
+class Kept(ExitStack):
+    """The way back of a block: values that it keeps and callbacks, taken in reverse order if it raises."""
+
+    def keep(self, owner, *names: str) -> None:
+        """Keep properties of an RNA struct; all that can be set, with lists of groups, if none is named."""
+        if not names:
+            self.callback(_set_all, owner, _all_values(owner))
+        for name in names:
+            self.callback(_set, owner, name, _plain(getattr(owner, name)))
+
+    def keep_keys(self, datablock) -> None:
+        """Keep the add-on's custom properties of a datablock."""
+        self.callback(_set_keys, datablock, _own_keys(datablock))
+
+
+@contextmanager
+def all_or_nothing() -> Iterator[Kept]:
+    """Remove the datablocks that the block has made, and take its way back, if it raises."""
+    names = _present_names()
+    with Kept() as kept:
+        kept.callback(_restore_datablocks, names)
+        yield kept
+        kept.pop_all()
+
+
+def _datablocks() -> Iterator[bpy.types.ID]:
+    for prop in bpy.data.bl_rna.properties:
+        members = getattr(bpy.data, prop.identifier)
+        if prop.type == "COLLECTION" and hasattr(members, "remove") and prop.identifier != LIBRARIES:
+            yield from members
+
+
+def _present_names() -> dict[int, str]:
+    return {datablock.session_uid: datablock.name for datablock in _datablocks()}
+
+
+def _restore_datablocks(names: dict[int, str]) -> None:
+    """Remove the datablocks without a session id in ``names``, and give the others their names."""
+    new = [datablock for datablock in _datablocks() if datablock.session_uid not in names]
+    scenes = [datablock for datablock in new if isinstance(datablock, bpy.types.Scene)]
+    for scene in scenes:
+        bpy.data.scenes.remove(scene)
+    bpy.data.batch_remove([datablock for datablock in new if datablock not in scenes])
+    for datablock in _datablocks():
+        if datablock.is_editable and datablock.name != names[datablock.session_uid]:
+            datablock.name = names[datablock.session_uid]
+
+
+def _all_values(owner) -> dict[str, object]:
+    """The values of an RNA struct's properties that can be set, and the members of its lists."""
+    values: dict[str, object] = {}
+    for prop in owner.bl_rna.properties:
+        value = getattr(owner, prop.identifier)
+        if prop.type == "COLLECTION":
+            if prop.fixed_type.base == bpy.types.PropertyGroup.bl_rna:
+                values[prop.identifier] = [_all_values(item) for item in value]
+        elif isinstance(value, bpy.types.PropertyGroup):
+            values[prop.identifier] = _all_values(value)
+        elif not prop.is_readonly:
+            values[prop.identifier] = _plain(value)
+    return values
+
+
+def _plain(value):
+    """A value that does not follow its property."""
+    is_array = hasattr(value, "__len__") and not isinstance(value, (str, bpy.types.bpy_struct))
+    return tuple(value) if is_array else value
+
+
+def _set_all(owner, values: dict[str, object]) -> None:
+    # Pointers first: kinds and names may have to fit them.
+    for name in sorted(values, key=lambda name: owner.bl_rna.properties[name].type != "POINTER"):
+        value = values[name]
+        if isinstance(value, dict):
+            _set_all(getattr(owner, name), value)
+        elif isinstance(value, list):
+            items = getattr(owner, name)
+            while len(items) > len(value):
+                items.remove(len(items) - 1)
+            while len(items) < len(value):
+                items.add()
+            for item, own in zip(items, value, strict=True):
+                _set_all(item, own)
+        else:
+            _set(owner, name, value)
+
+
+def _set(owner, name: str, value) -> None:
+    """Set a property that differs: setting one tells handlers of a change."""
+    if _plain(getattr(owner, name)) != value:
+        setattr(owner, name, value)
+
+
+def _own_keys(owner) -> dict[str, object]:
+    return {key: _plain(owner[key]) for key in owner.keys() if key.startswith(OWN_KEYS)}
+
+
+def _set_keys(owner, values: dict[str, object]) -> None:
+    for key in _own_keys(owner).keys() - values.keys():
+        del owner[key]
+    for key, value in values.items():
+        if key not in owner or _plain(owner[key]) != value:
+            owner[key] = value
