@@ -7,14 +7,10 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ...scfpf_addon.bridge.aim.target_views import AimError
-from ...scfpf_addon.bridge.camera.flexible_camera import (
-    clear_surfaces,
-    make_flexible,
-    volume_from_camera,
-)
+from ...scfpf_addon.bridge.blender.all_or_nothing import Kept, all_or_nothing
+from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.errors import BAD_INPUT
 from ..common.target import camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
 from ..common.words import say
@@ -90,19 +86,14 @@ class AimAction(Action):
     poll = classmethod(poll_object_mode)
 
     def act(self, context):
-        camera = self.prepared(context)
-        try:
-            return self.edit(context, camera)
-        except BAD_INPUT:
-            if self._was_ordinary:
-                camera.scfpf.enabled = False
-                clear_surfaces(camera)
-                for scene in self._new_scenes:
-                    scene.scfpf_sampling.property_unset("world_shadows")
-            raise
+        with all_or_nothing() as kept:
+            return self.edit(context, self.prepared(context, kept))
 
-    def prepared(self, context):
-        """The camera to work on, flexible if that is needed. Raises one of BAD_INPUT."""
+    def prepared(self, context, kept: Kept | None = None):
+        """The camera to work on, flexible if that is needed. Raises one of BAD_INPUT.
+
+        kept: takes the settings of the camera before anything is changed.
+        """
         named = chosen(bpy.data.objects, self.camera, "object")
         camera = named or aimed_camera(context)
         if camera is None or camera.type != "CAMERA":
@@ -112,15 +103,12 @@ class AimAction(Action):
                 say("'{0}' is linked from another file: make a library override of it first", camera.name)
             )
         take_up_edits(context)
-        self._was_ordinary = False
-        # Their settings go with the volume if nothing comes of it.
-        self._new_scenes = [
-            each
-            for each in camera.users_scene
-            if not each.scfpf_sampling.is_property_set("world_shadows") and each.is_editable
-        ]
+        if kept is not None:
+            kept.keep(camera.scfpf)
+            for scene in camera.users_scene:
+                # The first flexible camera of a scene sets it.
+                kept.keep(scene.scfpf_sampling, "world_shadows")
         if self.makes_flexible and not camera.scfpf.enabled:
-            self._was_ordinary = not len(camera.scfpf.surfaces)
             if len(camera.scfpf.surfaces):
                 make_flexible(camera, again=True)
             else:

@@ -60,8 +60,8 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
 
     camera: camera_name()
 
-    def prepared(self, context):
-        camera = super().prepared(context)
+    def prepared(self, context, kept=None):
+        camera = super().prepared(context, kept)
         if not camera.scfpf.enabled:
             raise AimError(
                 say("Switch on Flexible Projection for '{0}' first", camera.name)

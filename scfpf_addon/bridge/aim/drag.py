@@ -21,7 +21,7 @@ from .aimed_volume import (
     write_points,
     write_volume,
 )
-from .kept_volume import KeptVolume
+from .kept_volume import KeptVolume, volume_kept
 from .read_problem import AimInputs, own_pin, read_inputs
 from .solve_targets import solving
 from .solve_work import Steps
@@ -47,7 +47,8 @@ class AimDrag:
             start = moved(self._inputs.start, self._inputs.inward)
             self._replaced = KeptVolume(camera)
             try:
-                write_volume(camera, start, start)
+                with volume_kept(camera):
+                    write_volume(camera, start, start)
             except BaseException:
                 self._replaced.drop(camera)
                 raise
@@ -140,4 +141,5 @@ def make_followable(camera, depsgraph) -> None:
     if start_of(camera) is None:
         inputs = read_inputs(camera, depsgraph)
         start = moved(inputs.start, inputs.inward)
-        write_volume(camera, start, start)
+        with volume_kept(camera):
+            write_volume(camera, start, start)

@@ -7,8 +7,12 @@ camera lists are not deleted.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 
+from ..blender.all_or_nothing import all_or_nothing
 from ..blender.scene_objects import delete_with_data, object_by_uid
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from ..camera.flexible_camera import clear_surfaces, make_flexible
@@ -16,6 +20,8 @@ from ..mappings.mapping_edits import clear_mappings
 from ..volume.camera_members import all_cameras, grids_of, surfaces_of
 from .target_views import AimError
 
+# How a surface is shown, which depends on the lists that have it.
+SHOWN = ("hide_select", "show_in_front", "display_type")
 # The settings of a volume that a solution replaces.
 SETTINGS = ("basis", "reparameterisation", "fit", "fitted_aspect", "u_range", "v_range", "active_surface")
 
@@ -25,13 +31,9 @@ class KeptVolume:
 
     def __init__(self, camera) -> None:
         """Raises AimError if keyframes or drivers move the volume's settings: they cannot be brought back."""
-        paths = (curve.data_path for curves in curve_collections(camera) for curve in curves)
-        if any(found[1] != AIM_TARGETS for found in map(SLOT_PATH.match, paths) if found is not None):
+        if _is_keyed(camera):
             raise AimError("The surfaces or mappings of '{0}' are keyframed: press Solve first", camera.name)
-        copy = camera.copy()
-        copy.scfpf.volume_object = None
-        copy.animation_data_clear()
-        self._copy = copy.session_uid
+        self._copy = _holder_of(camera).session_uid
 
     def bring_back(self, camera) -> None:
         """Give a camera the kept volume again, and delete the surfaces that it has."""
@@ -51,16 +53,76 @@ class KeptVolume:
     def drop(self, camera) -> None:
         """Delete the kept surfaces, grids and curves that nothing else uses, as replacing them would have."""
         copy = object_by_uid(self._copy)
-        if copy is None:
-            return
-        members = surfaces_of(copy) + grids_of(copy)
-        curves = [mapping.curve for mapping in copy.scfpf.mappings if mapping.curve is not None]
-        bpy.data.objects.remove(copy)
-        used = {obj for each in all_cameras() for obj in surfaces_of(each) + grids_of(each)}
-        for obj in members:
-            if obj.parent == camera and obj.is_editable and obj not in used:
-                delete_with_data(obj)
-        bpy.data.batch_remove([curve for curve in curves if curve.users == 0 and curve.is_editable])
+        if copy is not None:
+            _drop(copy, camera)
+
+
+@contextmanager
+def volume_kept(camera) -> Iterator[None]:
+    """Bring a camera's volume back, with the shapes of its surfaces, if the block raises.
+
+    F-curves of the list of surfaces that the block removes stay removed.
+    """
+    surfaces = [surface for surface in surfaces_of(camera) if surface.is_editable and surface.data]
+    actions = {_action_of(surface) for surface in surfaces} - {None}
+    backups = {surface: surface.data.copy() for surface in surfaces}
+    try:
+        with all_or_nothing() as kept:
+            holder = _holder_of(camera)
+            for surface in surfaces:
+                kept.callback(_restore_data, surface, surface.data, backups)
+                kept.keep(surface, *SHOWN)
+                kept.keep_keys(surface)
+            kept.keep(camera.scfpf)
+            yield
+    finally:
+        bpy.data.batch_remove([*backups.values()])
+    _drop(holder, camera)
+    bpy.data.batch_remove([action for action in actions if action.users == 0 and action.is_editable])
+
+
+def _action_of(surface):
+    """The action of a surface's shape keys, or None."""
+    keys = getattr(surface.data, "shape_keys", None)
+    return None if keys is None or keys.animation_data is None else keys.animation_data.action
+
+
+def _restore_data(surface, data, backups: dict) -> None:
+    """Give a surface its data as they were, under their name."""
+    if surface.data != data:
+        # Those that it shared with others, which nobody has changed.
+        surface.data = data
+        return
+    backup, name = backups.pop(surface), data.name
+    data.user_remap(backup)
+    bpy.data.batch_remove([data])
+    backup.name = name
+
+
+def _is_keyed(camera) -> bool:
+    """Return whether keyframes or drivers move surfaces or mappings of a camera's lists."""
+    paths = (curve.data_path for curves in curve_collections(camera) for curve in curves)
+    return any(found[1] != AIM_TARGETS for found in map(SLOT_PATH.match, paths) if found is not None)
+
+
+def _holder_of(camera):
+    """A copy of a camera, in no scene, that lists the same surfaces, mappings and grids."""
+    copy = camera.copy()
+    copy.scfpf.volume_object = None
+    copy.animation_data_clear()
+    return copy
+
+
+def _drop(holder, camera) -> None:
+    """Remove a ``_holder_of`` a camera, and what nothing else has of what it lists."""
+    members = surfaces_of(holder) + grids_of(holder)
+    curves = [mapping.curve for mapping in holder.scfpf.mappings if mapping.curve is not None]
+    bpy.data.objects.remove(holder)
+    used = {obj for each in all_cameras() for obj in surfaces_of(each) + grids_of(each)}
+    for obj in members:
+        if obj.parent == camera and obj.is_editable and obj not in used:
+            delete_with_data(obj)
+    bpy.data.batch_remove([curve for curve in curves if curve.users == 0 and curve.is_editable])
 
 
 def _write(source, target) -> None:

@@ -21,6 +21,7 @@ from ...projection.template_error import Message
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from ..render.render_errors import told
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
+from .kept_volume import volume_kept
 from .read_problem import read_inputs
 from .solve_targets import Solution, camera_again, judge_of, judged, solution_of, solving
 from .solve_work import Steps, Work
@@ -86,9 +87,15 @@ def solving_animation(camera, context) -> Steps:
             if each.session_uid == scene:
                 each.frame_set(present[0], subframe=present[1])
     camera = camera_again(uid)
-    _write(camera, frames, solutions)
-    bpy.context.view_layer.update()
-    nearest = int(np.abs(np.array(frames) - sum(present)).argmin())
+    with volume_kept(camera):
+        _write(camera, frames, solutions)
+        bpy.context.view_layer.update()
+        return _keyed_verdict(camera, frames, solutions, between, sum(present))
+
+
+def _keyed_verdict(camera, frames: list[float], solutions: list[Solution], between: float, present: float):
+    """Store the verdict on solutions at keys; return the line to report. present: the frame of the scene."""
+    nearest = int(np.abs(np.array(frames) - present).argmin())
     message = store_verdict(camera, solutions[nearest].inputs, solutions[nearest].judgement)
     worst = max(float(solution.judgement.pixels.max()) for solution in solutions)
     aim = camera.scfpf.aim

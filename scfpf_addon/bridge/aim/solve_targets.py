@@ -15,6 +15,7 @@ from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid
 from .aimed_volume import moved, write_volume
+from .kept_volume import volume_kept
 from .read_problem import AimInputs, read_inputs
 from .solve_work import Progress, Steps, Work, require_wanted
 from .target_views import AimError
@@ -94,8 +95,9 @@ def solving(camera, depsgraph) -> Steps:
     found = yield Work(partial(solution_of, inputs))
     camera = camera_again(uid)
     require_better(camera, inputs, found.judgement, found.old)
-    take_solution(camera, found)
-    return store_verdict(camera, inputs, found.judgement)
+    with volume_kept(camera):
+        take_solution(camera, found)
+        return store_verdict(camera, inputs, found.judgement)
 
 
 def take_solution(camera, found: Solution) -> None:

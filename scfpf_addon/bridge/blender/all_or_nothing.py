@@ -26,7 +26,8 @@ class Kept(ExitStack):
         if not names:
             self.callback(_set_all, owner, _all_values(owner))
         for name in names:
-            self.callback(_set, owner, name, _plain(getattr(owner, name)))
+            value = _plain(getattr(owner, name))
+            self.callback(_set if owner.is_property_set(name) else _unset, owner, name, value)
 
     def keep_keys(self, datablock) -> None:
         """Keep the add-on's custom properties of a datablock."""
@@ -70,6 +71,8 @@ def _all_values(owner) -> dict[str, object]:
     """The values of an RNA struct's properties that can be set, and the members of its lists."""
     values: dict[str, object] = {}
     for prop in owner.bl_rna.properties:
+        if prop.identifier == "rna_type":
+            continue
         value = getattr(owner, prop.identifier)
         if prop.type == "COLLECTION":
             if prop.fixed_type.base == bpy.types.PropertyGroup.bl_rna:
@@ -109,6 +112,13 @@ def _set(owner, name: str, value) -> None:
     """Set a property that differs: setting one tells handlers of a change."""
     if _plain(getattr(owner, name)) != value:
         setattr(owner, name, value)
+
+
+def _unset(owner, name: str, value) -> None:
+    """Set back a property that had its default."""
+    if owner.is_property_set(name):
+        _set(owner, name, value)
+        owner.property_unset(name)
 
 
 def _own_keys(owner) -> dict[str, object]:

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything in a file and its handlers, to be compared before and after; and faults at every step between."""
+
+import sys
+from contextlib import contextmanager
+
+import bpy
+
+# Statistics, and what Blender itself changes when anything is evaluated.
+VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "bl_rna", "statistics", "select", "location_3d"}
+SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
+
+
+class Fault(Exception):
+    """Raised by ``fault_at``."""
+
+
+def file_state():
+    """A dict of all datablocks, their settings, links, drivers and handlers, by readable keys."""
+    found = {}
+    for prop in bpy.data.bl_rna.properties:
+        if prop.type != "COLLECTION" or prop.identifier in {"all_ids", "screens", "workspaces"}:
+            continue
+        members = getattr(bpy.data, prop.identifier)
+        found[prop.identifier] = sorted(member.name_full for member in members)
+    for scene in bpy.data.scenes:
+        for label, owner in (("", scene), (".render", scene.render), (".cycles", scene.cycles)):
+            found[f"{scene.name}{label}"] = values_of(owner)
+        found[f"{scene.name} markers"] = [(m.name, m.frame, _name(m.camera)) for m in scene.timeline_markers]
+        for layer in scene.view_layers:
+            found[f"{scene.name} {layer.name}"] = (values_of(layer), _layers(layer.layer_collection))
+    for collection in bpy.data.collections:
+        found[f"collection {collection.name_full}"] = (
+            sorted(obj.name_full for obj in collection.objects),
+            [child.name_full for child in collection.children],
+            values_of(collection),
+        )
+    for obj in bpy.data.objects:
+        drivers = obj.animation_data.drivers if obj.animation_data else ()
+        found[f"object {obj.name_full}"] = {
+            "data": _name(obj.data),
+            "keys": sorted(key for key in obj.keys() if key != "scfpf"),  # noqa: SIM118 (no dict)
+            "drivers": sorted((curve.data_path, curve.array_index) for curve in drivers),
+            "modifiers": [(m.name, m.type) for m in obj.modifiers],
+            "values": values_of(obj),
+            "shape": _shape(obj.data),
+        }
+    for name in dir(bpy.app.handlers):
+        handlers = getattr(bpy.app.handlers, name)
+        if isinstance(handlers, list):
+            found[f"handlers {name}"] = [handler.__qualname__ for handler in handlers]
+    return found
+
+
+def values_of(owner):
+    """The plain values of an RNA struct, with the names of datablocks and the members of its lists of groups."""
+    found = {}
+    for prop in owner.bl_rna.properties:
+        name = prop.identifier
+        if name in VOLATILE:
+            continue
+        if prop.type in SIMPLE:
+            value = getattr(owner, name)
+            found[name] = repr(value[:]) if getattr(prop, "is_array", False) else repr(value)
+        elif prop.type == "POINTER":
+            value = getattr(owner, name)
+            if isinstance(value, bpy.types.PropertyGroup):
+                found[name] = values_of(value)
+            elif isinstance(value, bpy.types.ID):
+                found[name] = _name(value)
+        elif prop.type == "COLLECTION" and prop.fixed_type.base == bpy.types.PropertyGroup.bl_rna:
+            found[name] = [values_of(item) for item in getattr(owner, name)]
+    return found
+
+
+def _name(datablock):
+    return None if datablock is None else datablock.name_full
+
+
+def _layers(layer):
+    own = layer.collection.name_full, layer.exclude, layer.hide_viewport, layer.holdout, layer.indirect_only
+    return (*own, [_layers(child) for child in layer.children])
+
+
+def _shape(data):
+    if isinstance(data, bpy.types.Mesh):
+        return len(data.vertices), len(data.polygons), [_name(m) for m in data.materials]
+    if isinstance(data, bpy.types.Curve):
+        keys = data.shape_keys
+        points = [tuple(p.co) for spline in data.splines for p in spline.points]
+        return points, [] if keys is None else [key.name for key in keys.key_blocks]
+    return None
+
+
+def differences(before, after):
+    """Readable differences of two states."""
+    return [
+        f"{key}: {_first_difference(before.get(key), after.get(key))}"
+        for key in sorted(before.keys() | after.keys())
+        if before.get(key) != after.get(key)
+    ]
+
+
+def _first_difference(one, other):
+    if isinstance(one, dict) and isinstance(other, dict):
+        return [f"{k}: {_first_difference(one.get(k), other.get(k))}" for k in one | other if one.get(k) != other.get(k)]
+    return f"{one!r:.200} -> {other!r:.200}"
+
+
+def called_in(action, is_meant):
+    """The code of the functions that an action calls, in the order of their first calls."""
+    found = {}
+
+    def trace(frame, _event, _argument):
+        code = frame.f_code
+        if code not in found and is_meant(code):
+            found[code] = None
+
+    sys.settrace(trace)
+    try:
+        action()
+    finally:
+        sys.settrace(None)
+    return list(found)
+
+
+@contextmanager
+def fault_at(code):
+    """Raise Fault at the first call of a function; yields a list that then is not empty."""
+    happened = []
+
+    def trace(frame, _event, _argument):
+        if frame.f_code is code:
+            happened.append(code.co_qualname if hasattr(code, "co_qualname") else code.co_name)
+            sys.settrace(None)
+            raise Fault(code.co_name)
+
+    sys.settrace(trace)
+    try:
+        yield happened
+    finally:
+        sys.settrace(None)
