@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything in a file and its handlers, to be compared before and after; and faults at every step between."""
+"""Everything in a file and its handlers, to be compared before and after; and faults between."""
 
 import sys
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import bpy
 
 # Statistics, and what Blender itself changes when anything is evaluated.
-VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "bl_rna", "statistics", "select", "location_3d"}
+VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "statistics"}
 SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
@@ -39,7 +39,7 @@ def file_state():
         drivers = obj.animation_data.drivers if obj.animation_data else ()
         found[f"object {obj.name_full}"] = {
             "data": _name(obj.data),
-            "keys": sorted(key for key in obj.keys() if key != "scfpf"),  # noqa: SIM118 (no dict)
+            "keys": sorted(key for key in obj.keys() if key != "scfpf"),
             "drivers": sorted((curve.data_path, curve.array_index) for curve in drivers),
             "modifiers": [(m.name, m.type) for m in obj.modifiers],
             "values": values_of(obj),
@@ -53,7 +53,7 @@ def file_state():
 
 
 def values_of(owner):
-    """The plain values of an RNA struct, with the names of datablocks and the members of its lists of groups."""
+    """The plain values of an RNA struct, with the names of datablocks and the members of its lists."""
     found = {}
     for prop in owner.bl_rna.properties:
         name = prop.identifier
@@ -103,17 +103,26 @@ def differences(before, after):
 
 def _first_difference(one, other):
     if isinstance(one, dict) and isinstance(other, dict):
-        return [f"{k}: {_first_difference(one.get(k), other.get(k))}" for k in one | other if one.get(k) != other.get(k)]
+        keys = [key for key in one | other if one.get(key) != other.get(key)]
+        return [f"{key}: {_first_difference(one.get(key), other.get(key))}" for key in keys]
     return f"{one!r:.200} -> {other!r:.200}"
 
 
-def called_in(action, is_meant):
-    """The code of the functions that an action calls, in the order of their first calls."""
+def called_in(action, is_meant, depth):
+    """The code of the functions that an action calls, in the order of their first calls.
+
+    depth: of functions that are meant, calling each other.
+    """
     found = {}
 
     def trace(frame, _event, _argument):
-        code = frame.f_code
-        if code not in found and is_meant(code):
+        code, callers = frame.f_code, 0
+        if code in found or not is_meant(code):
+            return
+        while frame is not None:
+            callers += is_meant(frame.f_code)
+            frame = frame.f_back
+        if callers <= depth:
             found[code] = None
 
     sys.settrace(trace)
