@@ -55,8 +55,8 @@ def failed(operator, error: Exception) -> set[str]:
     operator.report(
         {"ERROR"},
         say(
-            "{0} met a fault of the add-on, and everything is as before: please report it with the text in "
-            "the system console ({1})",
+            "{0} met a fault of the add-on, and everything is as before: report it with the text in the "
+            "system console ({1})",
             operator.bl_label,
             f"{type(error).__name__}: {error}",
         ),
