@@ -66,7 +66,8 @@ class HitFinder:
         """The corners of the chords of projectors (K, 3, N) in cast space, (CHORDS + 1, 3, N)."""
         weights = bernstein(len(controls) - 1, np.linspace(0.0, 1.0, CHORDS + 1))
         local = (controls - self.scene.cast.centre[:, None]) * self.scene.cast.scale
-        return product(weights.T, local.reshape(len(controls), -1)).reshape(-1, *controls.shape[1:])
+        flat = local.reshape(len(controls), controls[0].size)
+        return product(weights.T, flat).reshape(CHORDS + 1, *controls.shape[1:])
 
     def may_meet_wanted(self, controls: Array) -> BoolArray:
         """Return which projectors (K, 3, N) have a chord whose box meets that of the pinned things, (N,)."""

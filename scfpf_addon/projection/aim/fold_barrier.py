@@ -20,6 +20,9 @@ from .vectors import cross, dot
 LEAST_JACOBIAN = 0.15
 # Shares of the way to the first hit at which folds are tested. A little more than 1: the hit itself counts.
 SHARES = np.array([0.12, 0.3, 0.5, 0.7, 0.85, 0.95, 1.01])
+# Where the product of the squared lengths is less than this share of the typical one, as at the eye of a
+# perspective, the volume has no extent and cannot fold.
+POINT = 1e-30
 
 
 # The scaled Jacobians (7, N) of projectors, and Qu, Qv and Qt there.
@@ -72,8 +75,10 @@ class FoldBarrier:
             value, slope = self._weights
             du, dv = combined(value, controls[1]), combined(value, controls[2])
             dt = combined(slope, controls[0])
-            lengths = np.sqrt(dot(du, du) * dot(dv, dv) * dot(dt, dt))
-            found = self.orientation * dot(cross(du, dv), dt) / np.maximum(lengths, 1e-300)
+            squares = dot(du, du) * dot(dv, dv) * dot(dt, dt)
+            flat = squares <= POINT * squares.mean() if squares.size else np.zeros(squares.shape, bool)
+            lengths = np.sqrt(np.where(flat, 1.0, squares))
+            found = np.where(flat, 1.0, self.orientation * dot(cross(du, dv), dt) / lengths)
             self._found = points, (found, (du, dv, dt))
         return self._found[1]
 

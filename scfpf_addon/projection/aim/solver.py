@@ -37,6 +37,8 @@ LEAST_GAIN, SMALL_GAINS = 5e-3, 2
 PROXIMAL = 0.03
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
+# A way ends when so many steps in turn have found nothing better: one may fail where what is seen changes.
+STUCK = 2
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
 DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-3
 EASED, TIGHTENED, ATTEMPTS = 0.5, 8.0, 5
@@ -77,7 +79,9 @@ class Aim:
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.plate = ThinPlate(self.net, weights, self.footprints)
-        self.stays = [StayEnergy(self.net, s, weights, self.points, problem.width) for s in problem.stays]
+        stays = (StayEnergy(self.net, s, weights, self.points, problem.width) for s in problem.stays)
+        # Energies of nothing would only cost time.
+        self.stays = [each for each in stays if len(each.listed)]
         self.folds = [FoldBarrier(self.fold_grid, self.orientation)]
         self.fold_strength = weights.fold
         if problem.solved is not None:
@@ -131,7 +135,6 @@ class Aim:
         footprint = self.way.footprint
         self.pin_energy = PinEnergy(places, pins, self.weights, self.t, footprint, self.problem.width)
         self.pin_folds = FoldBarrier(places, self.orientation)
-        # Energies of nothing would only cost time.
         lines, detours = self.problem.lines, self.problem.detours
         has_lines, has_detours = lines.pins.shape[1] > 0, len(detours.pins) > 0
         self.lines = [LineEnergy(self.net, pins, lines, self.pin_energy)] if has_lines else []
@@ -142,7 +145,7 @@ class Aim:
 
         From a solved result only the detours are on their way, and a way that mends ends when nothing folds.
         """
-        plan, warm = self.schedule, self.problem.solved is not None
+        plan, warm, stuck = self.schedule, self.problem.solved is not None, 0
         for stage in range(1, plan.stages + 1):
             share = stage / plan.stages
             targets = self.way.targets(1.0 if warm else share)
@@ -160,6 +163,9 @@ class Aim:
                     if plan.mends and step > 0 and worst > MENDED * LEAST_JACOBIAN:
                         break
                 moved = self.step(targets)
+                stuck = stuck + 1 if moved == 0.0 else 0
+                if final and stuck >= STUCK:
+                    break
                 gained = self.detours or step <= FOLD_SEARCH or self.small_gains < SMALL_GAINS
                 if final and (moved < SETTLED or not gained) and not self.is_folded:
                     break
@@ -198,7 +204,11 @@ class Aim:
         normal.resist(self.proximal / self.footprints)
         longest = LONGEST_MOVE * self.problem.width
         for _ in range(ATTEMPTS):
-            step = normal.solve(self.damping)
+            try:
+                step = normal.solve(self.damping)
+            except np.linalg.LinAlgError:
+                self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
+                continue
             pixels = float(
                 (np.abs(step).reshape(-1, len(self.footprints), 3) / self.footprints[:, None]).max()
             )

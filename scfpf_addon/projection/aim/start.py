@@ -23,6 +23,9 @@ FILLING = 1e-7
 LEAST_DEGREE, MOST_DEGREE = 2, 4
 # Depths of inner surfaces as shares of the subject's, for each degree: they put it near the middle of t.
 INNER_DEPTHS = {2: (0.8,), 3: (0.5, 1.4), 4: (0.4, 0.9, 1.6)}
+# Surfaces stay apart by this share of the projectors' length where the subject is near their end, and it
+# counts as at least so far away: where surfaces coincide Qt is zero, and no step leads away from that.
+LEAST_GAP, NEAREST = 0.1, 1e-3
 
 
 @dataclass(frozen=True)
@@ -96,9 +99,9 @@ def _bezier(
     spans = projection.volume.spans
     if spans.is_straight:
         middle = 0.5 * far if subject is None else subject
-        depths = np.clip([0.0, *(middle * share for share in INNER_DEPTHS[degree]), far], 0.0, far)
-        # Where the subject is far out, the surfaces still have an order.
-        depths = np.where(np.diff(depths, prepend=-1.0) <= 0, np.linspace(0.0, far, degree + 1), depths)
+        shares = np.array([0.0, *INNER_DEPTHS[degree], np.inf])
+        latest = 1.0 - LEAST_GAP * np.arange(degree + 1)[::-1]
+        depths = far * np.minimum(shares * max(middle / far, NEAREST), latest)
         return points[0] + depths[:, None, None] * (points[1] - points[0]), mask
     t = np.linspace(0.0, 1.0, SAMPLES_ALONG)
     weights, _ = spans.weights(t)

@@ -9,7 +9,7 @@ import pytest
 from scfpf_addon.projection.aim.banded import GridTerms, Normal, Rows, pairs
 from scfpf_addon.projection.aim.control_net import Net
 from scfpf_addon.projection.aim.fold_barrier import FoldBarrier
-from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimWeights
+from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimStays, AimWeights, FirstHits
 from scfpf_addon.projection.aim.solver import Aim, solve
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
@@ -201,3 +201,83 @@ def test_the_barrier_of_two_parts_is_that_of_each():
     assert (worst < 0.0).any() and (worst > 0.0).any()
     np.testing.assert_allclose(both.worst(points), worst, rtol=1e-9, atol=1e-12)
     assert np.isclose(both.value(points, 2.0), grid.value(points, 2.0) + some.value(points, 2.0))
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("subject", [0.0, 1e-6, 0.03, 0.5, 0.8, 0.97, 1.0])
+@pytest.mark.parametrize("far", [0.2, 1.0])
+def test_surfaces_of_the_start_are_apart_wherever_the_subject_is(degree, subject, far):
+    start = start_volume(PERSPECTIVE, WIDTH, (6, 5), degree, subject=subject * far, far=far)
+    assert start.error < 1e-3
+    depths = np.array([-patch.points[..., 2].mean() for patch in start.patches])
+    assert depths[0] == pytest.approx(0.1) and depths[-1] == pytest.approx(0.1 + 59.9 * far)
+    assert (np.diff(depths) > 1e-4 * far).all()
+    # Beyond 0.97 of the way the last step of the projector is as long as a tenth of it.
+    assert depths[-1] - depths[-2] >= 0.1 * 59.9 * far * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("subject", [0.75, 0.99])
+def test_a_pin_near_the_end_of_the_projectors_is_met(subject):
+    positions = np.array([[0.4], [0.55]])
+    points = at(np.array([[0.45], [0.5]]), 0.1 + 59.9 * 0.2 * subject)
+    start = start_volume(PERSPECTIVE, WIDTH, (12, 8), 3, subject=0.2 * subject, far=0.2)
+    result = solve(AimProblem(start.patches, WIDTH, ASPECT, AimPins(points, positions)))
+    assert in_image(result, points, positions).max() < 0.05
+
+
+def test_the_barrier_is_silent_where_the_volume_is_a_point():
+    """A perspective whose near surface is its eye: Qu and Qv vanish there."""
+    start = start_volume(
+        Projection(ViewingVolume((plane(0.0), plane(60.0))), aspect=ASPECT), WIDTH, (6, 5), 3, subject=0.2
+    )
+    net = Net(6, 5, 4)
+    points = net.gather(start.patches)
+    grid = net.grid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4))
+    barrier = FoldBarrier(grid, -1.0, np.where(np.arange(20) < 7, 0.0, 0.5))
+    assert (barrier.worst(points) > 0.0).all() and barrier.value(points, 1.0) == 0.0
+    # Elsewhere a mirrored volume is told.
+    other = FoldBarrier(grid, 1.0, np.where(np.arange(20) < 7, 0.0, 0.5))
+    rows = other.linearise(points, 1.0)
+    assert np.isfinite(rows.coefficients).all() and np.isfinite(rows.residuals).all()
+    np.testing.assert_array_equal(other.worst(points) < 0.0, np.arange(20) >= 7)
+
+
+def test_stays_that_hardly_count_are_none():
+    positions = np.array([[0.4], [0.55]])
+    points = at(np.array([[0.45], [0.5]]), 10.0)
+    x, y = np.linspace(0.1, 0.9, 5), np.linspace(0.1, 0.9, 4)
+    grid = at(np.stack([a.ravel() for a in np.meshgrid(x, y, indexing="ij")]), 20.0)
+    stays = AimStays(x, y, grid.reshape(3, 5, 4), np.full((5, 4), 0.3), np.full((5, 4), 1e-5))
+
+    class Nothing:
+        """A scene in which no projector meets anything."""
+
+        def __call__(self, controls):
+            return FirstHits(np.full(controls.shape[2], np.inf), np.zeros(controls.shape[2], bool))
+
+        def may_meet_wanted(self, controls):
+            return np.zeros(controls.shape[2], bool)
+
+    result = solve(replace(problem(AimPins(points, positions), stays=(stays,)), first_hits=Nothing()))
+    assert in_image(result, points, positions).max() < 0.05
+
+
+@pytest.mark.parametrize("fault", ["singular", "nowhere better"])
+def test_a_way_ends_where_no_step_is_better(monkeypatch, fault):
+    """Damping that rises at each attempt leaves steps that move nothing: more of them would be in vain."""
+    attempts = []
+
+    def failing(self, damping):
+        attempts.append(damping)
+        if fault == "singular":
+            raise np.linalg.LinAlgError
+        return np.full(self.right.size, np.nan)
+
+    monkeypatch.setattr(Normal, "solve", failing)
+    # A fold would let the solver go on to its last step.
+    monkeypatch.setattr(Aim, "is_folded", True)
+    positions = np.array([[0.4], [0.55]])
+    result = solve(problem(AimPins(at(np.array([[0.45], [0.5]]), 10.0), positions)))
+    assert np.isfinite(result.patches[1].points).all()
+    # The ten steps on the way, and the first one at its end, of five attempts each.
+    assert result.steps == 11 and len(attempts) == 55
