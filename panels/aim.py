@@ -24,6 +24,8 @@ NUMBERS = {
 }
 # A target is met well whose points are all within so many pixels.
 WELL_MET = 1.5
+# A view shows its thing well if 95 % of it are within so many pixels.
+WELL_SHOWN = 10.0
 
 
 class SCFPF_UL_aim(bpy.types.UIList):
@@ -38,15 +40,16 @@ class SCFPF_UL_aim(bpy.types.UIList):
         if item.is_on and (text := residual_text(item)):
             right = row.row()
             right.alignment = "RIGHT"
-            right.alert = item.hidden > 0.0 or item.residual_max > WELL_MET
+            right.alert = item.hidden > 0.0 or item.residual_max > WELL_MET or item.whole_95 > WELL_SHOWN
             right.label(text=text, icon="HIDE_ON" if item.hidden > 0.0 else "NONE")
         icon = "CHECKBOX_HLT" if item.is_on else "CHECKBOX_DEHLT"
         row.prop(item, "is_on", text="", emboss=False, icon=icon)
 
 
 def residual_text(target) -> str:
-    """The largest distance of a target's points from their places; empty before Solve."""
-    return worded("{0:.1f} px", target.residual_max) if target.residual_max >= 0.0 else ""
+    """How far 95 % of a view's thing, or a pin, is from its place at most; empty before Solve."""
+    distance = target.residual_max if target.whole_95 < 0.0 else target.whole_95
+    return worded("{0:.1f} px", distance) if distance >= 0.0 else ""
 
 
 class SCFPF_MT_aim_add(bpy.types.Menu):
@@ -95,7 +98,7 @@ class _AimSection(Subsection):
         row.operator("scfpf.aim_live", text="", icon="PLAY", depress=settings.aim.live)
         column = layout.column(align=True)
         for number, part in enumerate(settings.aim.message.split(" · ") if settings.aim.message else ()):
-            draw_text(column, part, "BLANK1" if number else "INFO")
+            draw_text(column, part, "BLANK1" if number else "ERROR" if settings.aim.flaws else "INFO")
         if settings.active_aim < len(settings.aim_targets):
             draw_target(layout, settings.aim_targets[settings.active_aim])
 
@@ -144,7 +147,7 @@ class _AimSettingsSection(Subsection):
 def outcome_lines(aim) -> list[str]:
     """The effect of the last solve on the rest of the picture; empty before Solve."""
     lines = []
-    if aim.background_median >= 0.0:
+    if aim.background_95 >= 0.0:
         lines.append(
             worded("Rest moved {0:.1f} px, 95 % at most {1:.0f} px", aim.background_median, aim.background_95)
         )

@@ -23,6 +23,7 @@ ONCE = (
     "blender/aim/test_drags.py",
     "blender/aim/test_keyed_targets.py::test_a_fault_at_a_key_names_its_frame_and_changes_nothing",
     "blender/aim/test_keyed_targets.py::test_a_keyed_volume_is_solved_again_and_freed",
+    "blender/aim/test_outcomes.py",
     "blender/aim/test_solving.py",
     "blender/aim/test_verdict.py",
     "blender/camera/test_screen_camera.py::test_image_on_its_screen_is_what_a_camera_at_the_eye_sees",

@@ -71,7 +71,8 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
             return refused(self, error)
         self._place()
         try:
-            self.report({"INFO"}, run_through(drag.finishing(context.evaluated_depsgraph_get())))
+            message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
+            self.tell(object_by_uid(self._camera), message)
         except BAD_INPUT as error:
             self._put_back()
             return refused(self, error)
@@ -192,7 +193,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
     def _finish(self, context):
         """Solve, and report how well; a solve that is refused or cancelled restores everything."""
         steps = self._volume.finishing(context.evaluated_depsgraph_get())
-        return self._ended(context, self.begin(context, steps))
+        return self._ended(context, self.begin(context, steps, object_by_uid(self._camera)))
 
     def _ended(self, context, outcome):
         """Leave the drag if its solve has ended."""

@@ -13,6 +13,7 @@ from ...scfpf_addon.bridge.aim.drag import make_followable
 from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ..common.errors import BAD_INPUT, refused
 from ..common.words import say
 from .aim_camera import AimAction, camera_name, target_at, target_index
@@ -73,13 +74,16 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
         return camera
 
     def edit(self, context, camera):
-        return run_through(solving_animation(camera, context))
+        uid = camera.session_uid
+        message = run_through(solving_animation(camera, context))
+        self.tell(object_by_uid(uid), message)
 
     def invoke(self, context, _event):
         if not in_window(context):
             return self.execute(context)
         try:
-            outcome = self.begin(context, solving_animation(self.prepared(context), context))
+            camera = self.prepared(context)
+            outcome = self.begin(context, solving_animation(camera, context), camera)
         except BAD_INPUT as error:
             return refused(self, error)
         if outcome == {"RUNNING_MODAL"}:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...scfpf_addon.bridge.aim.solve_work import Steps, WatchedSolve
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ..common.errors import BAD_INPUT, refused
 from ..common.words import say
 from ..image.preparation import redraw_interface
@@ -22,8 +23,13 @@ class Watched:
 
     _solve: WatchedSolve | None = None
 
-    def begin(self, context, steps: Steps):
-        """Start a solve; returns what invoke or modal returns."""
+    def tell(self, camera, message: str) -> None:
+        """Report the line of a solve of a camera, as a warning if something is wrong in its picture."""
+        self.report({"WARNING" if camera.scfpf.aim.flaws else "INFO"}, message)
+
+    def begin(self, context, steps: Steps, camera):
+        """Start a solve of a camera; returns what invoke or modal returns."""
+        self._solved = camera.session_uid
         try:
             self._solve = WatchedSolve(steps)
         except BAD_INPUT as error:
@@ -51,7 +57,7 @@ class Watched:
         except BaseException:
             self._leave(context)
             raise
-        self.report({"INFO"}, self._solve.message)
+        self.tell(object_by_uid(self._solved), self._solve.message)
         self._leave(context)
         return {"FINISHED"}
 

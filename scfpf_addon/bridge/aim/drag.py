@@ -23,6 +23,7 @@ from .aimed_volume import (
 )
 from .kept_volume import KeptVolume, volume_kept
 from .read_problem import AimInputs, own_pin, read_inputs
+from .solution import Measures, forget_measures
 from .solve_targets import solving
 from .solve_work import Steps
 from .target_views import AimError, view_map
@@ -52,7 +53,7 @@ class AimDrag:
             except BaseException:
                 self._replaced.drop(camera)
                 raise
-        self._before = present_patches(camera)
+        self._before, self._measures = present_patches(camera), Measures.of(camera)
 
     def _fits(self, camera) -> bool:
         present = [patch.points.shape for patch in present_patches(camera)]
@@ -73,6 +74,7 @@ class AimDrag:
             raise AimError("The volume cannot follow: move the targets back a little")
         write_points(camera, moved(result.patches, self._inputs.inward))
         note_solution(camera)
+        forget_measures(camera)
         return float(result.residuals.max())
 
     def _found(self):
@@ -131,6 +133,7 @@ class AimDrag:
         elif start_of(camera) is not None and self._fits(camera):
             write_points(camera, self._before)
             note_solution(camera)
+        self._measures.store(camera)
 
 
 def make_followable(camera, depsgraph) -> None:

@@ -20,13 +20,15 @@ from ...projection.surfaces.nurbs import NurbsPatch
 from ...projection.template_error import Message
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from ..render.render_errors import told
+from ..settings.aim_properties import LARGEST
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .kept_volume import volume_kept
 from .read_problem import read_inputs
-from .solve_targets import Solution, camera_again, judge_of, judged, solution_of, solving
+from .solution import Solution
+from .solve_targets import camera_again, judge_of, judged, solution_of, solving
 from .solve_work import Steps, Work
 from .target_views import AimError
-from .verdict import LARGEST, require_better, store_verdict
+from .verdict import require_better, require_possible, store_verdict
 
 # The shape key of the start, and the beginning of the names of others, which the frame follows.
 START_SHAPE, SHAPE = "Start", "Aim "
@@ -96,7 +98,7 @@ def solving_animation(camera, context) -> Steps:
 def _keyed_verdict(camera, frames: list[float], solutions: list[Solution], between: float, present: float):
     """Store the verdict on solutions at keys; return the line to report. present: the frame of the scene."""
     nearest = int(np.abs(np.array(frames) - present).argmin())
-    message = store_verdict(camera, solutions[nearest].inputs, solutions[nearest].judgement)
+    message = store_verdict(camera, solutions[nearest])
     worst = max(float(solution.judgement.pixels.max()) for solution in solutions)
     aim = camera.scfpf.aim
     aim.between, aim.is_solved = between, True
@@ -119,9 +121,10 @@ def _solutions(uid: int, frames: list[float]) -> Generator[Work, Any, list[Solut
     for number, frame in enumerate(frames):
         with _at(frame):
             inputs = read_inputs(camera_again(uid), _set_frame(frame), start)
+            require_possible(camera_again(uid), inputs)
             part = SOLVING / len(frames)
             solution = yield Work(partial(solution_of, inputs), number * part, part)
-            require_better(camera_again(uid), inputs, solution.judgement, solution.old)
+            require_better(camera_again(uid), solution)
         start = moved(inputs.start, inputs.inward)
         found.append(solution)
     return found

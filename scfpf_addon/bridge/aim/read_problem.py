@@ -4,17 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ...casting.aim.aim_scene import AimScene, HitFinder
 from ...casting.aim.stays import find_stays
-from ...casting.aim.views import sample_view
+from ...casting.aim.views import View, pins_on, seen_of
 from ...casting.common.hits import CastError
 from ...projection.aim.problem import AimLines, AimPins, AimProblem, AimStays
 from ...projection.aim.start import projection_of
-from ...projection.aim.view_map import ViewMap
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
@@ -55,13 +53,6 @@ class SceneArrays:
     def name(self, number: int) -> str:
         """The name of an object by its number."""
         return self.names[number][0]
-
-
-class View(NamedTuple):
-    """A view. own: (T,), the triangles of its thing."""
-
-    map: ViewMap
-    own: BoolArray
 
 
 @dataclass(frozen=True)
@@ -130,7 +121,7 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
     wanted = np.zeros(len(arrays.scene.objects), bool)
     by_handle: dict[int, int] = {}
     views: dict[int, View] = {}
-    listed = [(n, t) for n, t in enumerate(camera.scfpf.aim_targets) if t.is_on]
+    listed = [(n, t) for n, t in enumerate(camera.scfpf.aim_targets) if t.is_on and t.weight > 0.0]
     for number, target in listed:
         if target.kind == VIEW:
             part, views[number] = _view_pins(target, number, depsgraph, arrays, aspect)
@@ -169,16 +160,17 @@ def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: floa
             "The view '{0}' has no faces that viewports and renders show: show it", title_of(target)
         )
     try:
-        pins = sample_view(arrays.scene, own, shown, number)
+        seen = seen_of(arrays.scene, own, shown)
     except CastError as error:
         raise AimError(
             "'{0}' does not see '{1}': turn it there", target.eye.name, title_of(target)
         ) from error
+    pins = pins_on(arrays.scene, seen, shown, number)
     pins = replace(pins, weights=pins.weights * target.weight)
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
         raise AimError("The view '{0}' is outside the picture: move its frame into it", title_of(target))
-    return pins.take(inside), View(shown, own)
+    return pins.take(inside), View(shown, own, seen)
 
 
 def own_pin(target, depsgraph) -> AimPins:
@@ -234,7 +226,7 @@ def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
 
 
 def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[float | None, float]:
-    """The t of the targets and of the scene's end on straight projectors; None and 1 on curved ones."""
+    """The t of the targets and of the end of scene and pins on straight projectors; None and 1 on others."""
     if not present.volume.spans.is_straight:
         return None, 1.0
     place = find_in_image(present, targets.pins.points)
@@ -246,8 +238,10 @@ def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[flo
     centre = (vertices.min(axis=1) + vertices.max(axis=1)) / 2
     radius = float(np.linalg.norm(np.ptp(vertices, axis=1))) / 2
     away = np.linalg.norm(points[0] - centre[:, None], axis=0) + radius
-    share = away / np.linalg.norm(points[1] - points[0], axis=0)
-    far = float(share[valid].max(initial=0.0)) * FAR_MARGIN
+    length = np.linalg.norm(points[1] - points[0], axis=0)
+    valid &= length > 0.0
+    far = float((away[valid] / length[valid]).max(initial=0.0))
+    far = FAR_MARGIN * max(far, float(place.t[place.found].max(initial=0.0)))
     return subject, min(far, 1.0) if far > 0.0 else 1.0
 
 

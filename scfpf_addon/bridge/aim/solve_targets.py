@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from ...casting.aim.detours import free_pins
 from ...casting.aim.judge import COLUMNS, Judge, Judgement
 from ...casting.aim.released import Released
-from ...casting.aim.rounds import JudgeResult, Round, solve_in_rounds
+from ...casting.aim.rounds import BUDGET, Budget, JudgeResult, Round, solve_in_rounds
+from ...casting.aim.survey import background_spread, spread_of
 from ...projection.aim.problem import AimProblem, AimResult
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
@@ -17,27 +18,18 @@ from ..blender.scene_objects import object_by_uid
 from .aimed_volume import moved, write_volume
 from .kept_volume import volume_kept
 from .read_problem import AimInputs, read_inputs
+from .solution import Solution
 from .solve_work import Progress, Steps, Work, require_wanted
 from .target_views import AimError
-from .verdict import require_better, store_verdict
+from .verdict import require_better, require_possible, store_verdict
 
 # The share of the time of a solve that the judgement of the old image takes.
 JUDGED_OLD = 0.1
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A solution and its judgement, beside that of the image before."""
-
-    inputs: AimInputs
-    result: AimResult
-    judgement: Judgement
-    old: Judgement
-
-
 def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     """Solve and judge; arrays only. Raises AimError, Cancelled or CastError."""
-    judge = judge_of(inputs)
+    judge, budget = judge_of(inputs), Budget(BUDGET)
     old = judged(inputs, judge, inputs.before)
     progress.share = JUDGED_OLD
 
@@ -56,11 +48,25 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
         freed = free_pins(scene, problem, wanted, found.result, found.judgement)
         return freed and (freed[0], partial(look, released=freed[1]))
 
-    found = solve_in_rounds(problem, look, old, report, free)
+    found = solve_in_rounds(problem, look, old, report, free, budget)
     require_wanted(progress)
     if found is None:
         raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
-    return Solution(inputs, found.result, found.judgement, old)
+    return _surveyed(inputs, judge, found, old, budget.is_set())
+
+
+def _surveyed(inputs: AimInputs, judge: Judge, found: Round, old: Judgement, is_late: bool) -> Solution:
+    """The solution of a round."""
+    after = projection_of(found.result.patches, inputs.present.aspect)
+    spreads = {}
+    for number, view in inputs.targets.views.items():
+        points = view.seen.points
+        spread = spread_of(judge, after, points, view.map.positions(points))
+        if spread is not None:
+            spreads[number] = spread
+    alone = inputs.targets.alone
+    background = None if alone else background_spread(judge, after, found.judgement.released)
+    return Solution(inputs, found.result, found.judgement, old, spreads, background, is_late)
 
 
 def judge_of(inputs: AimInputs, columns: int | None = None) -> Judge:
@@ -91,13 +97,14 @@ def solving(camera, depsgraph) -> Steps:
     Raises AimError, SlotError, SurfaceError or one of RENDER_ERRORS; then the volume is as before.
     """
     uid, inputs = camera.session_uid, read_inputs(camera, depsgraph)
+    require_possible(camera, inputs)
     del camera, depsgraph
     found = yield Work(partial(solution_of, inputs))
     camera = camera_again(uid)
-    require_better(camera, inputs, found.judgement, found.old)
+    require_better(camera, found)
     with volume_kept(camera):
         take_solution(camera, found)
-        return store_verdict(camera, inputs, found.judgement)
+        return store_verdict(camera, found)
 
 
 def take_solution(camera, found: Solution) -> None:

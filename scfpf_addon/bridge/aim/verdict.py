@@ -4,24 +4,28 @@
 from __future__ import annotations
 
 import math
-from itertools import permutations
 
 import numpy as np
 
+from ...casting.aim import contradictions
+from ...casting.aim.contradictions import Contradiction, find_contradiction, shown_twice
 from ...casting.aim.judge import Judgement
-from ...casting.aim.sight import free_turn, sees
+from ...casting.aim.rounds import BUDGET
+from ...casting.aim.sight import free_turn
+from ...casting.aim.survey import Spread
 from ...projection.template_error import Message
 from ..render.render_errors import told
+from ..settings.aim_properties import LARGEST, VIEW
 from .read_problem import AimInputs
+from .solution import Solution
 from .target_views import AimError, title_of
 
-# Pixels within which a target is met, and those that a user is not told of.
-MET, UNSEEN = 1.5, 0.5
-# Two views contradict each other if the second sees more than this share of the first one's points, farther
-# from their places than this, as shares of the image.
-TWICE, APART = 0.25, 0.05
-# A residual in a property is this at most.
-LARGEST = 1e9
+# Pixels within which a target is met, those that a user is not told of, and those within which 95 % of the
+# background shall stay.
+MET, UNSEEN, STILL = 1.5, 0.5, 25.0
+# A solution is not taken if a target of at least this weight is farther from its place, in pixels. Whoever
+# gives a target less than the usual weight lets it yield.
+MISSED, FULL_WEIGHT = 10.0, 1.0
 WORSE = {
     "PINS": Message("the targets would be farther from their places than before"),
     "MIRRORED": Message("parts of the picture would be mirrored"),
@@ -33,51 +37,104 @@ REMEDY = Message(
 )
 
 
-def require_better(camera, inputs: AimInputs, found: Judgement, old: Judgement) -> None:
-    """Raise AimError if a solution makes the image worse."""
-    reason = found.worse_than(old)
-    if reason:
-        raise AimError("Not taken, because {0}: {1}", WORSE[reason], _contradiction(camera, inputs) or REMEDY)
+CONTRADICTIONS = {
+    contradictions.POINT: Message(
+        "'{0}' and '{1}' hold the same point at two places of the picture: remove one of them, or bring "
+        "their places together"
+    ),
+    contradictions.DIRECTION: Message(
+        "'{0}' and '{1}' show the same point from two directions: switch off Direction for one of them"
+    ),
+    contradictions.PLACE: Message(
+        "'{0}' and '{1}' hold two points at the same place of the picture, where the first hides the second: "
+        "move one of them"
+    ),
+    contradictions.VIEW: Message(
+        "'{0}' holds a point of what '{1}' shows elsewhere in the picture: remove the pin, or move it to "
+        "where the view has that point"
+    ),
+    contradictions.VIEWS: Message(
+        "the views '{0}' and '{1}' show the same part in two places, which one volume cannot: "
+        "switch one off, or give it a camera of its own and layer both pictures in the compositor"
+    ),
+}
 
 
-def _contradiction(camera, inputs: AimInputs) -> str:
-    """Two views that show the same points in two places, in words; empty if there are none."""
-    targets, listed = inputs.targets, camera.scfpf.aim_targets
-    for one, other in permutations(targets.views, 2):
-        view, thing = targets.views[other], targets.views[other].own & targets.views[one].own
-        pins = np.flatnonzero(targets.owners == one)
-        points = targets.pins.points[:, pins]
-        if not thing.any():
-            continue
-        apart = np.hypot(*(view.map.positions(points) - targets.pins.positions[:, pins]))
-        twice = (apart > APART) & sees(inputs.arrays.scene, thing, view.map, points)
-        if twice.mean() > TWICE:
-            names = [title_of(listed[number]) for number in sorted((one, other))]
-            return Message(
-                "the views '{0}' and '{1}' show the same part in two places, which one volume cannot: "
-                "switch one off, or give it a camera of its own and layer both pictures in the compositor",
-                *names,
-            )
-    return ""
+def require_possible(camera, inputs: AimInputs) -> None:
+    """Raise AimError if targets contradict each other."""
+    targets = inputs.targets
+    scene = inputs.arrays.scene
+    found = find_contradiction(scene, inputs.before, targets.pins, targets.views, inputs.width)
+    if found is not None:
+        raise AimError("Not solved, because {0}", _contradiction_text(camera, inputs, found))
 
 
-def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
-    """Store a judgement in the properties of a camera and its targets; return the line to report."""
+def _contradiction_text(camera, inputs: AimInputs, found: Contradiction) -> Message:
+    listed, owners = camera.scfpf.aim_targets, inputs.targets.owners
+    names = (title_of(listed[int(owners[pin])]) for pin in (found.first, found.second))
+    return Message(CONTRADICTIONS[found.kind], *names)
+
+
+def _remedy(camera, inputs: AimInputs) -> Message:
+    """What to do about a solution that is not good."""
+    found = shown_twice(inputs.arrays.scene, inputs.targets.pins, inputs.targets.views)
+    return REMEDY if found is None else _contradiction_text(camera, inputs, found)
+
+
+def require_better(camera, solution: Solution) -> None:
+    """Raise AimError if a solution makes the image worse, or misses a target."""
+    inputs, found = solution.inputs, solution.judgement
+    worse = found.worse_than(solution.old)
+    reason = WORSE[worse] if worse else _missed(camera, inputs, found)
+    if not reason:
+        return
+    if solution.is_late:
+        reason = Message("{0}, and nothing better was found in {1:g} s", reason, BUDGET)
+    raise AimError("Not taken, because {0}: {1}", reason, _remedy(camera, inputs))
+
+
+def _missed(camera, inputs: AimInputs, found: Judgement) -> Message | None:
+    """The target that is missed most, in words; None if none is missed."""
+    listed, owners = camera.scfpf.aim_targets, inputs.targets.owners
+    full = np.array([listed[int(number)].weight >= FULL_WEIGHT for number in owners], bool)
+    pixels = np.where(full, found.pixels, 0.0)
+    worst = int(pixels.argmax())
+    if pixels[worst] <= MISSED:
+        return None
+    title = title_of(listed[int(owners[worst])])
+    return Message("'{0}' would be {1} from its place", title, _pixels(float(pixels[worst])))
+
+
+def store_verdict(camera, solution: Solution) -> str:
+    """Store the judgement of a solution in the properties of a camera and its targets; return the line to
+    report."""
+    inputs, found = solution.inputs, solution.judgement
     aim, targets = camera.scfpf.aim, inputs.targets
     for number, target in enumerate(camera.scfpf.aim_targets):
         own = np.flatnonzero(targets.owners == number)
+        target.whole_95 = target.whole_max = -1.0
         if len(own):
+            _store_spread(target, "whole", solution.spreads.get(number))
             _store_target(target, number, inputs, found, own)
         else:
             target.residual_median = target.residual_max = -1.0
             target.hidden, target.hidden_by, target.message = 0.0, "", ""
             target.free_turn = 0.0, 0.0
     aim.mirrored, aim.folds = found.mirrored, found.folded
-    judged = len(found.moved) > 0
-    aim.background_median = min(found.background_median, LARGEST) if judged else -1.0
-    aim.background_95 = min(found.background_most, LARGEST) if judged else -1.0
-    aim.message = _summary(camera, inputs, found)
+    aim.background_median = min(found.background_median, LARGEST) if len(found.moved) else -1.0
+    _store_spread(aim, "background", solution.background)
+    aim.flaws = told(flaws) if (flaws := _flaws(camera, solution)) else ""
+    aim.message = _summary(camera, solution)
     return aim.message
+
+
+def _store_spread(owner, name: str, spread: Spread | None) -> None:
+    """Store a spread in three properties of a target or of Aim."""
+    nearly_all, most = (-1.0, -1.0) if spread is None else spread[:2]
+    setattr(owner, f"{name}_95", min(nearly_all, LARGEST))
+    setattr(owner, f"{name}_max", min(most, LARGEST))
+    if spread is not None:
+        setattr(owner, f"{name}_worst", np.clip(spread.place, 0.0, 1.0))
 
 
 def _store_target(target, number: int, inputs: AimInputs, found: Judgement, own) -> None:
@@ -96,11 +153,12 @@ def _store_target(target, number: int, inputs: AimInputs, found: Judgement, own)
 def _target_text(target) -> str:
     """Report in a sentence or two whether a target is met and seen."""
     worst = target.residual_max
-    met = (
-        Message("Met within {0:.2g} px", worst)
-        if worst <= MET
-        else Message("Up to {0} from its place", _pixels(worst))
-    )
+    if target.whole_95 >= 0.0:
+        met = _spread_text(target.whole_95, target.whole_max)
+    elif worst <= MET:
+        met = Message("Met within {0:.2g} px", worst)
+    else:
+        met = Message("Up to {0} from its place", _pixels(worst))
     if not target.hidden_by:
         return told(met)
     part = Message("hidden by {0}", target.hidden_by)
@@ -113,8 +171,14 @@ def _target_text(target) -> str:
     return text
 
 
+def _spread_text(nearly_all: float, most: float) -> Message:
+    return Message("95 % within {0}, the worst place {1} off", _pixels(nearly_all), _pixels(most))
+
+
 def _pixels(value: float) -> str:
-    return f"{value:.3g} px" if value < 1e5 else Message("very far")
+    if value >= 1e5:
+        return Message("very far")
+    return f"{value:.1f} px" if value < 10.0 else f"{value:.0f} px"
 
 
 def _direction(left: float, up: float) -> str:
@@ -130,23 +194,50 @@ def _direction(left: float, up: float) -> str:
     return Message("{0} and {1}", *parts) if len(parts) == 2 else "".join(map(told, parts))
 
 
-def _summary(camera, inputs: AimInputs, found: Judgement) -> str:
-    """The result in one line: the points that are met, the background, and what is wrong."""
+def _flaws(camera, solution: Solution) -> Message | None:
+    """What is wrong with a solution, and what to do; None if nothing is."""
+    found, old = solution.judgement, solution.old
+    missed = [target for target in camera.scfpf.aim_targets if target.residual_max > MET]
+    parts = []
+    if missed:
+        worst = max(missed, key=lambda target: target.residual_max)
+        parts.append(Message("'{0}' is {1} from its place", title_of(worst), _pixels(worst.residual_max)))
+    for now, before, text in (
+        (found.mirrored, old.mirrored, Message("{0:.2g} % of the picture is mirrored")),
+        (found.folded, old.folded, Message("{0:.2g} % of the picture is behind a fold")),
+    ):
+        if now > before:
+            parts.append(Message(text, 100.0 * now))
+    if solution.background is not None and solution.background.nearly_all > STILL:
+        parts.append(Message("a part of the background moves by more than {0}", _pixels(STILL)))
+    if parts:
+        return Message("{0}: {1}", ", ".join(map(told, parts)), _remedy(camera, solution.inputs))
+    return _start_text(solution.inputs, MISSED)
+
+
+def _start_text(inputs: AimInputs, least: float) -> Message | None:
+    """By how much the start differs from the volume that it replaces, None if by at most ``least`` pixels."""
+    if inputs.error <= least:
+        return None
+    return Message("the start differs by up to {0}: use more control points", _pixels(inputs.error))
+
+
+def _summary(camera, solution: Solution) -> str:
+    """The result in one line: what is wrong, whole things and the background, points that are met."""
+    inputs, found, aim = solution.inputs, solution.judgement, camera.scfpf.aim
     met, count = int((found.pixels <= MET).sum()), len(found.pixels)
-    parts = [Message("{0} of {1} points within {2} px", met, count, MET)]
+    parts = [aim.flaws] if aim.flaws else []
+    for target in camera.scfpf.aim_targets:
+        if target.kind == VIEW and target.whole_95 >= 0.0:
+            spread = _spread_text(target.whole_95, target.whole_max)
+            parts.append(Message("{0}: {1}", title_of(target), spread))
+    if aim.background_95 >= 0.0:
+        spread = _spread_text(aim.background_95, aim.background_max)
+        parts.append(Message("background: {0}", spread))
+    parts.append(Message("{0} of {1} points within {2} px", met, count, MET))
     hidden = [title_of(target) for target in camera.scfpf.aim_targets if target.hidden_by]
     if hidden:
         parts.append(Message("partly hidden: {0}", ", ".join(hidden)))
-    if len(found.moved):
-        parts.append(Message("background moved {0:.1f} px", found.background_median))
-    if found.mirrored > 0.0:
-        parts.append(Message("{0:.2g} % mirrored", 100 * found.mirrored))
-    if found.folded > 0.0:
-        parts.append(Message("{0:.2g} % folded", 100 * found.folded))
-    if met < count and (contradiction := _contradiction(camera, inputs)):
-        parts.append(contradiction)
-    if inputs.error > UNSEEN:
-        parts.append(
-            Message("the start differs by up to {0}: use more control points", _pixels(inputs.error))
-        )
+    if (start := _start_text(inputs, UNSEEN)) and told(start) != aim.flaws:
+        parts.append(start)
     return " · ".join(map(told, parts))

@@ -10,10 +10,14 @@ import math
 
 import bpy
 import gpu
+import numpy as np
 from gpu_extras.batch import batch_for_shader
 
+from ...projection.template_error import Message
 from ...shading.picking.frame_handles import TURN
-from ..overlays.image_marks import MARK, RIM, TEXT_GAP, draw_lines, write
+from ..overlays.image_marks import ARM, MARK, RIM, TEXT_GAP, draw_cross, draw_lines, write
+from ..render.render_errors import told
+from ..settings.aim_properties import LARGEST
 from .shown_targets import ShownImage, ShownTarget, shown_image, shown_targets, straight_lines, target_at
 
 DRAG = "scfpf.aim_drag"
@@ -25,6 +29,8 @@ HANDLE, TURNER, HANDLE_RIM, RING = 8.0, 10.0, 3.0, 8.0
 RING_SIDES = 16
 # A residual above so many pixels is told in the label.
 WELL_MET = 1.5
+# Labels of the worst places.
+OFF, LOST = Message("{0}: {1:.0f} px off"), Message("{0}: is lost here")
 
 
 def label_of(target) -> str:
@@ -56,6 +62,9 @@ def draw_targets(context, image: ShownImage, hovered: tuple[int, int] | None) ->
     """Draw all targets of a camera. hovered: index and part under the mouse, or None."""
     region, scale = context.region, context.preferences.system.ui_scale
     size, settings = (region.width, region.height), image.camera.scfpf
+    for x, y, label in worst_places(settings, image):
+        draw_cross(x, y, size, scale)
+        write(label, x + ARM * scale, y + TEXT_GAP * scale, size, scale)
     for ends in straight_lines(settings, image):
         draw_lines([tuple(end) for end in ends], size, scale, QUIET)
     for shown in shown_targets(context, image):
@@ -75,6 +84,27 @@ def draw_targets(context, image: ShownImage, hovered: tuple[int, int] | None) ->
             around = outline(shown, scale)[:-2]
             left, top = min(x for x, _ in around), max(y for _, y in around)
             write(label_of(target), left, top + TEXT_GAP * scale, size, scale, color)
+
+
+def worst_places(settings, image: ShownImage) -> list[tuple[float, float, str]]:
+    """The pixels of the worst places of the active view's thing and of the background, and their labels.
+
+    Those that a user would not notice are left out.
+    """
+    aim = settings.aim
+    found = [(aim.background_max, aim.background_worst, Message("background"))]
+    if settings.active_aim < len(settings.aim_targets):
+        target = settings.aim_targets[settings.active_aim]
+        if target.is_on:
+            found.append((target.whole_max, target.whole_worst, target.name))
+    marks = []
+    for pixels, place, name in found if aim.is_solved else ():
+        if pixels > WELL_MET:
+            x, y = image.pixels(np.array(place, np.float64)[:, None])[:, 0]
+            marks.append(
+                (float(x), float(y), told(Message(LOST if pixels >= LARGEST else OFF, name, pixels)))
+            )
+    return marks
 
 
 def _draw_points(points, diameter: float, color) -> None:

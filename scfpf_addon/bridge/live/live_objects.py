@@ -179,7 +179,7 @@ class LiveObjects:
             if number is None:
                 is_shown = renders.rays(obj, parent) & CAMERA and _is_in_viewport(top, space)
                 number = shown[key] = self.table.number(key) if is_shown else -1
-                unmet[key] = unmet_slots(obj, self._volume_only)
+                unmet[key] = unmet_slots(obj)
             if number < 0:
                 continue
             matrix = np.array(instance.matrix_world, np.float64)
@@ -229,8 +229,6 @@ class LiveObjects:
 
 def _without_flat_copies(placements: Placements, addresses: list[int]) -> Placements:
     """The placements that renders show. addresses: of the meshes of all."""
-    if len(set(addresses)) == len(addresses):
-        return placements
     mesh = np.unique(np.array(addresses, np.int64), return_inverse=True)[1]
     matrix = np.array([place.matrix for place in placements.values()]).reshape(-1, 4, 4)
     flat = flattened_copies(mesh, matrix)

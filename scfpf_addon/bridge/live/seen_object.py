@@ -16,7 +16,7 @@ from ..layers.read_image_layers import read_image_layers
 from ..render.render_engine import ENGINE
 from ..render.render_viewport import Rectangle, camera_rectangle, viewport_eye
 from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, without_slots
-from ..scene.read_materials import unmet_slots, volume_only_materials
+from ..scene.read_materials import unmet_slots
 from ..scene.read_visibility import ShownInRenders, flattened_copies
 from .live_drawing import live_camera
 
@@ -120,13 +120,12 @@ def _boxes(depsgraph, wanted) -> tuple[list[int], Array]:
 def _meshes(depsgraph, wanted) -> list:
     """Vertices in the world and triangles of the instances that are ``wanted`` (N,), in order."""
     read: dict[tuple[int, frozenset[int]], MeshArrays] = {}
-    volume_only = volume_only_materials()
     placed = []
     for instance, is_wanted in zip(depsgraph.object_instances, wanted, strict=True):
         if not is_wanted:
             continue
         obj = instance.object
-        unmet, slots = unmet_slots(obj, volume_only), max(len(obj.material_slots), 1)
+        unmet, slots = unmet_slots(obj), max(len(obj.material_slots), 1)
         key = obj.data.as_pointer(), unmet
         if key not in read:
             read[key] = without_slots(of_mesh(obj, read_mesh), unmet, slots)

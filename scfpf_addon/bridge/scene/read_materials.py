@@ -108,8 +108,6 @@ class MaterialTable:
 
     def met(self, geometry: Geometry) -> Geometry:
         """The part of a geometry that rays meet."""
-        if not self.unmet:
-            return geometry
         kept = ~np.isin(geometry.material, list(self.unmet))
         return geometry if kept.all() else geometry.part(kept)
 
@@ -135,12 +133,10 @@ def volume_only_materials() -> frozenset[int]:
     return frozenset(one.session_uid for one in bpy.data.materials if is_volume_only(one))
 
 
-def unmet_slots(obj, volume_only: frozenset[int]) -> frozenset[int]:
-    """The material slots of an object whose faces no ray meets. volume_only: of the file's materials."""
-    if not volume_only:
-        return frozenset()
-    materials = (slot.material for slot in obj.material_slots)
-    return frozenset(n for n, one in enumerate(materials) if one and one.original.session_uid in volume_only)
+def unmet_slots(obj) -> frozenset[int]:
+    """The material slots of an object whose faces no ray meets."""
+    slots = obj.material_slots
+    return frozenset(n for n, slot in enumerate(slots) if is_volume_only(slot.material))
 
 
 def _unshown(tree) -> Iterator[str]:

@@ -23,6 +23,13 @@ KINDS = (
 LEAST_COLUMNS, MOST_COLUMNS, LEAST_ROWS, MOST_ROWS = 6, 16, 6, 10
 # Of positions in the image, as shares of its width and height.
 LOWEST, HIGHEST = -2.0, 3.0
+# A distance in pixels is this at most, that of a point which the picture has lost.
+LARGEST = 1e9
+
+
+def place(name: str, description: str):
+    """A result that is a place in the picture, as shares of its width and height from the lower left."""
+    return vector(name, description, (0.5, 0.5), 0.0, 1.0, **STATIC)
 
 
 def _may_be_eye(target, candidate) -> bool:
@@ -116,7 +123,7 @@ class SCFPF_AimTarget(bpy.types.PropertyGroup):
         "Half of the target's points are at most so many pixels from their places; -1 before Solve",
         -1.0,
         -1.0,
-        1e9,
+        LARGEST,
         **STATIC,
     )
     residual_max: number(
@@ -124,8 +131,27 @@ class SCFPF_AimTarget(bpy.types.PropertyGroup):
         "The target's points are at most so many pixels from their places; -1 before Solve",
         -1.0,
         -1.0,
-        1e9,
+        LARGEST,
         **STATIC,
+    )
+    whole_95: number(
+        "Whole Thing",
+        "95 % of what the view shows is at most so many pixels from its place; -1 before Solve",
+        -1.0,
+        -1.0,
+        LARGEST,
+        **STATIC,
+    )
+    whole_max: number(
+        "Worst Place",
+        "All of what the view shows is at most so many pixels from its place; -1 before Solve",
+        -1.0,
+        -1.0,
+        LARGEST,
+        **STATIC,
+    )
+    whole_worst: place(
+        "Place of the Worst", "Where the picture shows the point of the view's thing that is farthest off"
     )
     hidden: number("Hidden", "Share of the target's points that other objects hide", 0.0, 0.0, 1.0, **STATIC)
     hidden_by: text("Hidden By", "Name of the object that hides most of the target", **STATIC)
@@ -184,7 +210,7 @@ class SCFPF_Aim(bpy.types.PropertyGroup):
         "Half of the background moved at most so many pixels in the last Solve; -1 before it and with Alone",
         -1.0,
         -1.0,
-        1e9,
+        LARGEST,
         **STATIC,
     )
     background_95: number(
@@ -192,15 +218,27 @@ class SCFPF_Aim(bpy.types.PropertyGroup):
         "95 % of the background moved at most so many pixels in the last Solve; -1 before it and with Alone",
         -1.0,
         -1.0,
-        1e9,
+        LARGEST,
         **STATIC,
     )
+    background_max: number(
+        "Background Moved Farthest",
+        "All of the background moved at most so many pixels in the last Solve; -1 before it and with Alone",
+        -1.0,
+        -1.0,
+        LARGEST,
+        **STATIC,
+    )
+    background_worst: place(
+        "Place of the Farthest", "Where the picture shows the point of the background that moved farthest"
+    )
+    flaws: text("Flaws", "What is wrong in the last solution, and what to do; empty if nothing is", **STATIC)
     between: number(
         "Worst Between Keys",
         "Largest residual between two solved keyframes, in pixels; -1 without keyframes",
         -1.0,
         -1.0,
-        1e9,
+        LARGEST,
         **STATIC,
     )
     message: text("Aim Result", "What the last Solve has reached, or why it was not taken", **STATIC)

@@ -12,7 +12,7 @@ import numpy as np
 from ...projection.aim.problem import AimPins
 from ...projection.aim.vectors import nearest_t
 from ...projection.typing import Array, BoolArray, IndexArray
-from ...projection.volume.inverse import Inverse, find_in_image, follow
+from ...projection.volume.inverse import INSIDE_MARGIN, Inverse, find_in_image, follow
 from ...projection.volume.viewing_volume import Projection, VolumeSample, determinant
 from ..common.hits import Hits
 from ..frame import pixel_centres
@@ -22,7 +22,7 @@ from .stays import halo_weights
 
 # Columns of the image that is judged.
 COLUMNS = 192
-# Of so many of its pixels one is looked at for the background.
+# In a judgement, of so many of its pixels one is looked at for the background.
 EACH = 4
 # Shares of the way to the first hit at which folds are looked for; the last is the hit.
 SHARES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
@@ -49,7 +49,8 @@ class Judgement:
     hides the point. hidden_by: (P,), the number of the object that does, -1 without one. mirrored, folded:
     shares of the pixels that are mirrored, and with a fold before their hit. moved: (N,), pixels by which
     the visible background outside the halos moved, inf for points that were lost. What stands where the image
-    then shows a wanted thing, or a halo where its view has it, does not count: it is hidden.
+    then shows a wanted thing, or a halo where its view has it, does not count: it is hidden. released: what
+    may leave its place.
     """
 
     pixels: Array
@@ -59,16 +60,17 @@ class Judgement:
     mirrored: float
     folded: float
     moved: Array
+    released: Released | None = None
 
     @property
     def background_median(self) -> float:
         """The median of ``moved``, 0 without a background."""
-        return _percentile(self.moved, 50.0)
+        return percentile(self.moved, 50.0)
 
     @property
     def background_most(self) -> float:
         """The 95th percentile of ``moved``, 0 without a background."""
-        return _percentile(self.moved, NEARLY_ALL)
+        return percentile(self.moved, NEARLY_ALL)
 
     @property
     def hidden(self) -> float:
@@ -94,7 +96,7 @@ class Judgement:
     def misses_pins(self) -> bool:
         """Return whether pins are farther from their places than the bars allow."""
         nearly_all, most = PIN_BARS
-        return _percentile(self.pixels, NEARLY_ALL) > nearly_all or float(self.pixels.max(initial=0.0)) > most
+        return percentile(self.pixels, NEARLY_ALL) > nearly_all or float(self.pixels.max(initial=0.0)) > most
 
     @property
     def misses_background(self) -> bool:
@@ -105,7 +107,7 @@ class Judgement:
     @property
     def _distances(self) -> float:
         """By how much the bars of distances are missed, in doublings."""
-        pins = _percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))
+        pins = percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))
         found = (*pins, self.background_median, self.background_most)
         bars = (*PIN_BARS, *BACKGROUND_BARS)
         return float(sum(np.log2(max(min(a, LARGEST) / b, 1.0)) for a, b in zip(found, bars, strict=True)))
@@ -129,12 +131,12 @@ class Judgement:
         return ""
 
 
-def _percentile(values: Array, share: float) -> float:
+def percentile(values: Array, share: float) -> float:
     """The least value that at least a share in percent of the values does not exceed, 0 without any."""
     return float(np.percentile(values, share, method="inverted_cdf")) if len(values) else 0.0
 
 
-class _Background(NamedTuple):
+class Background(NamedTuple):
     """Points outside the halos that the image shows before the volume is aimed.
 
     points: (3, N), in world space. pixels: (N,), the numbers of the judged pixels that show them. objects:
@@ -165,43 +167,45 @@ class Judge:
     def judgement_of(self, after: Projection, released: Released | None = None) -> Judgement:
         """The judgement of a projection in world space. released: what may leave its place."""
         pins, scene = self.pins, self.scene
-        place = _places(after, pins)
-        pixels = self._pixels(place, pins.positions)
-        seen, hidden_by = _visibility(scene, after, place, self.width)
+        place = places_of(after, pins.points, pins.positions)
+        pixels = self.distances(place, pins.positions)
+        seen, hidden_by = visibility(scene, after, place, self.width)
         sample = after.volume.evaluate(*(np.nan_to_num(a) for a in place[:3]))
         cosine = np.einsum("cn,cn->n", sample.dt, pins.directions) / np.linalg.norm(sample.dt, axis=0)
         angles = np.where(place.found, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
-        x, y = self._centres
+        x, y = self.centres
         hits = scene.hits(after, x, y, self.columns)
         mirrored, folded = self._folds(after, hits)
-        return Judgement(
-            pixels, angles, seen, hidden_by, mirrored, folded, self._moved(after, hits, released)
-        )
+        moved = self._moved(after, hits, released)
+        return Judgement(pixels, angles, seen, hidden_by, mirrored, folded, moved, released)
 
     @cached_property
-    def _centres(self) -> tuple[Array, Array]:
+    def centres(self) -> tuple[Array, Array]:
         """The image positions of the pixels that are judged."""
         rows = max(1, round(self.columns / self.before.aspect))
         return pixel_centres(self.columns, rows, (0, rows))
 
     @cached_property
-    def _background(self) -> _Background:
-        """The background in every fourth pixel of the image before the volume is aimed."""
-        x, y = (part[::EACH] for part in self._centres)
+    def _background(self) -> Background:
+        return self.background(EACH)
+
+    def background(self, each: int) -> Background:
+        """The background in one of ``each`` pixels of the image before the volume is aimed."""
+        x, y = (part[::each] for part in self.centres)
         hits = self.scene.hits(self.before, x, y, self.width)
         kept = np.flatnonzero((hits.triangle >= 0) & ~self.wanted[hits.triangle])
         points = self.scene.world(hits.position[:, kept])
         outside = halo_weights(points, self.pins, self.halos) >= 1.0
         kept = kept[outside]
-        return _Background(points[:, outside], EACH * kept, self.scene.objects[hits.triangle[kept]])
+        return Background(points[:, outside], each * kept, self.scene.objects[hits.triangle[kept]])
 
     @cached_property
     def _orientation(self) -> float:
         """The sign of the determinant where nothing is mirrored."""
-        x, y = self._centres
+        x, y = self.centres
         return float(np.sign(determinant(self.before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum()))
 
-    def _pixels(self, place: Inverse, positions: Array) -> Array:
+    def distances(self, place: Inverse, positions: Array) -> Array:
         """The distances (N,) in pixels of a found place from image positions (2, N), inf where not found."""
         across, up = place.u - positions[0], (place.v - positions[1]) / self.before.aspect
         return np.where(place.found, np.hypot(across, up) * self.width, np.inf)
@@ -210,7 +214,7 @@ class Judge:
         """The shares of pixels that are mirrored, and with a fold before their hit."""
         hit = hits.triangle >= 0
         end = np.minimum(hits.t, 1.0)
-        controls = after.volume.controls(*self._centres)
+        controls = after.volume.controls(*self.centres)
         samples = (after.volume.evaluate_controls(controls, end * share) for share in SHARES)
         against = np.stack([determinant(sample) * self._orientation < 0 for sample in samples])
         mirrored = float(against[-1][hit].mean()) if hit.any() else 0.0
@@ -219,14 +223,14 @@ class Judge:
     def _moved(self, after: Projection, hits: Hits, released: Released | None) -> Array:
         """See ``Judgement.moved``. hits: of the pixels of the image after."""
         points, pixels, objects = self._background
-        now, positions = hits.triangle[pixels], np.stack(self._centres)[:, pixels]
+        now, positions = hits.triangle[pixels], np.stack(self.centres)[:, pixels]
         # What a wanted thing hides is meant to be hidden, and so is what its halo hides.
         counts = (now < 0) | ~self.wanted[now]
         counts[counts] = ~self._shows_halo(positions[:, counts], hits.position[:, pixels[counts]])
         if released is not None:
             counts &= ~released.covers(points, objects)
         positions = positions[:, counts]
-        return self._pixels(_follow(after, points[:, counts], positions), positions)
+        return self.distances(near_places(after, points[:, counts], positions), positions)
 
     def _shows_halo(self, positions: Array, hits: Array) -> BoolArray:
         """Return whether image positions (2, N) show a halo where its view has it. hits: (3, N)."""
@@ -240,25 +244,31 @@ class Judge:
         return is_near
 
 
-def _places(projection: Projection, pins: AimPins) -> Inverse:
-    """The parameters at which the volume shows the pins' points, those nearest to the pins if it folds."""
-    near = _follow(projection, pins.points, pins.positions)
+def places_of(projection: Projection, points: Array, positions: Array) -> Inverse:
+    """The parameters at which a volume shows points (3, N), those nearest to image positions (2, N)."""
+    near = near_places(projection, points, positions)
     lost = np.flatnonzero(~near.found)
     if len(lost):
-        other = find_in_image(projection, pins.points[:, lost])
+        other = find_in_image(projection, points[:, lost])
         for mine, found in zip(near, other, strict=True):
             mine[lost] = found
     return near
 
 
-def _follow(projection: Projection, points: Array, positions: Array) -> Inverse:
-    """Newton's method from the nearest points of the projectors at image positions (2, N)."""
+def near_places(projection: Projection, points: Array, positions: Array) -> Inverse:
+    """The parameters at which a volume shows points (3, N) near image positions (2, N), by Newton's method.
+
+    Points before the near surface and behind the far one are lost, as projectors do not reach them.
+    """
     controls = projection.volume.controls(*positions)
     t = nearest_t(controls.points, points)
-    return follow(projection.volume, points, np.stack([*positions, t]))
+    found = follow(projection.volume, points, np.stack([*positions, t]))
+    # NaN is out of reach, too.
+    reached = (found.t >= -INSIDE_MARGIN) & (found.t <= 1.0 + INSIDE_MARGIN)
+    return found._replace(found=found.found & reached)
 
 
-def _visibility(
+def visibility(
     scene: AimScene, projection: Projection, place: Inverse, width: int
 ) -> tuple[BoolArray, IndexArray]:
     """Return whether points at parameters are seen, (P,), and the numbers of the objects that hide them."""
@@ -267,11 +277,11 @@ def _visibility(
     hits = scene.hits(projection, np.clip(u, 0, 1), np.clip(v, 0, 1), width)
     sample = projection.volume.evaluate(u, v, t)
     ahead = (t - hits.t) * np.linalg.norm(sample.dt, axis=0)
-    hidden = inside & (hits.triangle >= 0) & (ahead > HIDING_PIXELS * _footprint(sample, width))
+    hidden = inside & (hits.triangle >= 0) & (ahead > HIDING_PIXELS * footprint_of(sample, width))
     return inside & ~hidden, np.where(hidden, scene.objects[hits.triangle], -1)
 
 
-def _footprint(sample: VolumeSample, width: int) -> Array:
+def footprint_of(sample: VolumeSample, width: int) -> Array:
     """World units across a pixel, (N,)."""
     tangent = sample.dt / np.maximum(np.linalg.norm(sample.dt, axis=0), 1e-300)
     across = sample.du - np.einsum("cn,cn->n", sample.du, tangent) * tangent

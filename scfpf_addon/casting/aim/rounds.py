@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from dataclasses import replace
+from time import monotonic
 from typing import NamedTuple
 
 import numpy as np
 
 from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
+from ..common.cancellation import Cancelled, Signal, also_cancelled_by
 from .judge import Judgement
 
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
@@ -47,6 +50,19 @@ Free = Callable[[Round], "tuple[AimProblem, JudgeResult] | None"]
 ROUND_SHARE = 0.7
 # Told before each step how much is done, as a share; returns whether to stop.
 Report = Callable[[float], bool]
+# Seconds after which no further round begins, and one under way is dropped. The first one always ends.
+BUDGET = 10.0
+
+
+class Budget:
+    """A signal that is set once the time for a solve is over. clock: tells seconds."""
+
+    def __init__(self, seconds: float = BUDGET, clock: Callable[[], float] = monotonic) -> None:
+        self._clock, self._end = clock, clock() + seconds
+
+    def is_set(self) -> bool:
+        """Return whether the time is over."""
+        return self._clock() >= self._end
 
 
 def solve_in_rounds(
@@ -55,85 +71,95 @@ def solve_in_rounds(
     old: Judgement,
     report: Report = lambda share: False,
     free: Free = lambda found: None,
+    budget: Signal | None = None,
 ) -> Round | None:
     """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
 
-    old: the judgement of the image before; a round that is no worse wins over one that is. Where pins or the
-    background miss their bars, the round goes on with more weight on both. The best one is mended if it
-    folds, and if that fails stays count more, then less. Further rounds free hidden pins from where that
-    ended.
+    old: the judgement of the image before; a round that is no worse wins over one that is. budget: ends the
+    rounds with the best one so far. Where pins or the background miss their bars, the round goes on with more
+    weight on both. The best one is mended if it folds, and if that fails stays count more, then less. Further
+    rounds free hidden pins from where that ended.
     """
-    rounds = _Rounds(old, report)
+    rounds = _Rounds(old, report, budget or Budget(np.inf))
     try:
-        best = _best_round(rounds, problem, judged)
-        freeing = free(best) if best is not None else None
-        return best if best is None or freeing is None else _freed(rounds, best, *freeing)
+        with suppress(_Late):
+            _try_ways(rounds, problem, judged)
+        best = min(rounds.found, key=rounds.final_rank, default=None)
+        freeing = None if best is None or rounds.budget.is_set() else free(best)
+        if best is None or freeing is None:
+            return best
+        rounds.found.clear()
+        with suppress(_Late):
+            _free_pins(rounds, best, *freeing)
+        return _freest(rounds, best)
     except _Stopped:
         return None
 
 
-def _best_round(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> Round | None:
-    finite = _firmed(rounds, problem, judged, FIRST)
-    best = min(finite, key=rounds.rank, default=None)
+def _try_ways(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> None:
+    """Try ways from the start. Raises _Late, as everything that solves rounds does."""
+    found = rounds.found
+    _firmed(rounds, problem, judged, FIRST)
+    best = min(found, key=rounds.rank, default=None)
     if best is None or not rounds.is_good(best):
         for way in [LOOSE] if best is None else other_ways(best.judgement):
-            found = _firmed(rounds, problem, judged, way)
-            finite += found
-            if found and not found[-1].judgement.misses_pins:
+            last = _firmed(rounds, problem, judged, way)
+            if last is not None and not last.judgement.misses_pins:
                 break
-    if not finite:
-        return None
-    best = min(finite, key=rounds.rank)
+    if not found:
+        return
+    best = min(found, key=rounds.rank)
     # Where folds are left stays count more, then yield.
-    finite += _mended(rounds, problem, judged, best, [best.schedule, FIRST])
+    _mended(rounds, problem, judged, best, [best.schedule, FIRST])
     for way in (STILL, LOOSE):
-        is_clean = min(finite, key=rounds.final_rank).judgement.is_clean
-        if not is_clean and all(one.schedule != way for one in finite):
-            for other in _firmed(rounds, problem, judged, way):
-                finite += [other, *_mended(rounds, problem, judged, other, [other.schedule])]
-    return min(finite, key=rounds.final_rank)
+        is_clean = min(found, key=rounds.final_rank).judgement.is_clean
+        if not is_clean and all(one.schedule != way for one in found):
+            first = len(found)
+            _firmed(rounds, problem, judged, way)
+            for other in found[first:]:
+                _mended(rounds, problem, judged, other, [other.schedule])
 
 
-def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: Schedule) -> list[Round]:
-    """The round of a way, then the one that brings pins and stays nearer, if they miss their bars."""
+def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: Schedule) -> Round | None:
+    """The round of a way, or else the one that brings its pins and stays nearer, if they miss their bars."""
     found = rounds.solve(problem, judged, way)
-    if found is None:
-        return []
-    missed = found.judgement.misses_pins or found.judgement.misses_background
-    firm = rounds.solve(replace(problem, solved=found.result), judged, FIRM) if missed else None
-    return [found] if firm is None else [found, firm]
+    if found is None or not (found.judgement.misses_pins or found.judgement.misses_background):
+        return found
+    return rounds.solve(replace(problem, solved=found.result), judged, FIRM) or found
 
 
 def _mended(
     rounds: _Rounds, problem: AimProblem, judged: JudgeResult, folded: Round, ways: list[Schedule]
-) -> list[Round]:
-    """A round mended on ways in turn, until it is clean; none if it is, or if too much is missing."""
-    found: list[Round] = []
+) -> None:
+    """Mend a round on ways in turn, until it is clean; not if it is, or if too much is missing."""
     if not 0.0 < folded.judgement.unclean <= MENDABLE or folded.judgement.misses_pins:
-        return found
+        return
     for way in dict.fromkeys(ways):
         mended = rounds.solve(replace(problem, solved=folded.result), judged, way.mending())
-        found += [mended] if mended else []
         if mended and mended.judgement.is_clean:
             break
-    return found
 
 
-def _freed(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> Round:
-    """The best of the rounds that free pins from where ``best`` ended; ``best`` itself if none is better.
+def _free_pins(rounds: _Rounds, best: Round, problem: AimProblem, judged: JudgeResult) -> None:
+    """Try ways that free pins from where ``best`` ended.
+
+    Where the first way frees nothing the others are not tried, nor where one leaves nothing to better.
+    """
+    for way in FREEING:
+        _firmed(rounds, problem, judged, way)
+        if all(one.judgement.hidden >= best.judgement.hidden for one in rounds.found):
+            return
+        if any(one.judgement.shortfall == 0.0 for one in rounds.found if rounds.is_freer(best, one)):
+            return
+
+
+def _freest(rounds: _Rounds, best: Round) -> Round:
+    """The best of the rounds that free pins of ``best``; ``best`` itself if none is better.
 
     Their shortfalls are compared, also if ``best`` meets the bars: no bar counts hidden pins. Those that meet
-    the bars win over others. Where the first way frees nothing the others are not tried, nor where one leaves
-    nothing to better.
+    the bars win over others.
     """
-    freer: list[Round] = []
-    for way in FREEING:
-        found = _firmed(rounds, problem, judged, way)
-        if way == FREEING[0] and all(one.judgement.hidden >= best.judgement.hidden for one in found):
-            return best
-        freer += [one for one in found if rounds.is_freer(best.judgement, one.judgement)]
-        if any(one.judgement.shortfall == 0.0 for one in freer):
-            break
+    freer = [one for one in rounds.found if rounds.is_freer(best, one)]
     kept = [one for one in freer if one.judgement.meets_bars]
     return min([best, *(kept or freer)], key=lambda one: one.judgement.shortfall)
 
@@ -151,36 +177,58 @@ class _Stopped(Exception):
     """The user has stopped the solve."""
 
 
-class _Rounds:
-    """Solves rounds, reports them, and compares them. old: the judgement of the image before."""
+class _Late(Exception):
+    """The budget is over."""
 
-    def __init__(self, old: Judgement, report: Report) -> None:
-        self.old, self._report = old, report
+
+class _Rounds:
+    """Solves rounds, reports them, and compares them.
+
+    old: the judgement of the image before. found: the rounds so far.
+    """
+
+    def __init__(self, old: Judgement, report: Report, budget: Signal) -> None:
+        self.old, self.budget, self._report = old, budget, report
+        self.found: list[Round] = []
         self._done, self._number = 0.0, 0
 
-    def solve(
-        self, problem: AimProblem, judged: JudgeResult, schedule: Schedule, share: float = ROUND_SHARE
-    ) -> Round | None:
-        """The next round; None if its volume is not finite. share: of the work that is left.
+    def solve(self, problem: AimProblem, judged: JudgeResult, schedule: Schedule) -> Round | None:
+        """The next round; None if its volume is not finite.
 
-        Raises _Stopped.
+        Raises _Stopped, or _Late if the budget is over before a round other than the first has ended.
         """
         self._number += 1
-        part = share * (1.0 - self._done)
-        result = solve(problem, _Steps(self._report, self._done, part / schedule.most_steps), schedule)
-        self._done += part
-        if result is None or self._report(self._done):
-            raise _Stopped
-        if not all(np.isfinite(patch.points).all() for patch in result.patches):
-            return None
-        return Round(result, judged(result), self._number, schedule)
+        part = ROUND_SHARE * (1.0 - self._done)
+        steps = _Steps(self._stops, self._done, part / schedule.most_steps)
+        try:
+            with nullcontext() if self._number == 1 else also_cancelled_by(self.budget):
+                result = solve(problem, steps, schedule)
+                self._done += part
+                if result is None or self._stops(self._done):
+                    raise Cancelled
+                if not all(np.isfinite(patch.points).all() for patch in result.patches):
+                    return None
+                found = Round(result, judged(result), self._number, schedule)
+        except Cancelled:
+            if self._report(self._done):
+                raise _Stopped from None
+            if self._number > 1 and self.budget.is_set():
+                raise _Late from None
+            raise
+        self.found.append(found)
+        return found
+
+    def _stops(self, share: float) -> bool:
+        """Report the work done; return whether a round ends at that."""
+        return self._report(share) or (self._number > 1 and self.budget.is_set())
 
     def is_good(self, found: Round) -> bool:
         """Return whether nothing is left to better."""
         return found.judgement.meets_bars and not found.judgement.worse_than(self.old)
 
-    def is_freer(self, old: Judgement, new: Judgement) -> bool:
-        """Return whether less is hidden in a judgement than in an old one, and nothing else worse."""
+    def is_freer(self, best: Round, found: Round) -> bool:
+        """Return whether less is hidden in a round than in an older one, and nothing else worse."""
+        old, new = best.judgement, found.judgement
         sees_more = new.hidden < old.hidden and new.shortfall < old.shortfall
         return sees_more and not new.worse_than(self.old) and (new.is_clean or not old.is_clean)
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...projection.aim.problem import AimPins
@@ -23,6 +25,24 @@ LEAST_COSINE = 0.3
 AHEAD = 0.05
 
 
+class Seen(NamedTuple):
+    """What a view's eye sees of its thing, by rays that are even in its image.
+
+    triangles: (N,). points: (3, N), in world space.
+    """
+
+    triangles: IndexArray
+    points: Array
+
+
+class View(NamedTuple):
+    """A view. own: (T,), the triangles of its thing."""
+
+    map: ViewMap
+    own: BoolArray
+    seen: Seen
+
+
 def sample_view(
     scene: AimScene, wanted: BoolArray, view: ViewMap, number: int = 0, count: int = PINS
 ) -> AimPins:
@@ -31,9 +51,14 @@ def sample_view(
     wanted: (T,), the thing's triangles; nothing else hides it. number: of the view, which its pins get.
     Raises CastError if the eye does not see the thing.
     """
-    triangles, points = _seen(scene, wanted, view)
+    return pins_on(scene, seen_of(scene, wanted, view), view, number, count)
+
+
+def pins_on(scene: AimScene, seen: Seen, view: ViewMap, number: int = 0, count: int = PINS) -> AimPins:
+    """At most ``count`` pins on what a view's eye sees, as ``sample_view``."""
+    points = seen.points
     directions = view.directions(points)
-    facing = np.abs(np.einsum("cn,cn->n", scene.cast.normals(triangles), directions))
+    facing = np.abs(np.einsum("cn,cn->n", scene.cast.normals(seen.triangles), directions))
     good = np.flatnonzero(facing > LEAST_COSINE)
     if not len(good):
         good = np.arange(len(facing))
@@ -53,8 +78,8 @@ def sample_view(
     )
 
 
-def _seen(scene: AimScene, wanted: BoolArray, view: ViewMap) -> tuple[IndexArray, Array]:
-    """Triangles (N,) and world points (3, N) that the view's eye sees of a thing."""
+def seen_of(scene: AimScene, wanted: BoolArray, view: ViewMap) -> Seen:
+    """See ``Seen``. wanted: (T,), the thing's triangles. Raises CastError if the eye sees none of them."""
     thing = scene.cast.only(wanted) if wanted.any() else None
     if thing is None:
         raise CastError("the view's thing has no faces: choose a collection or an object with a mesh")
@@ -79,7 +104,7 @@ def _seen(scene: AimScene, wanted: BoolArray, view: ViewMap) -> tuple[IndexArray
     hit = hits.triangle >= 0
     if not hit.any():
         raise CastError("the view's camera does not see its thing: turn the camera towards it")
-    return hits.triangle[hit], scene.world(hits.position[:, hit])
+    return Seen(hits.triangle[hit], scene.world(hits.position[:, hit]))
 
 
 def _plane(view: ViewMap, low: Array, high: Array, distance: float) -> NurbsPatch:

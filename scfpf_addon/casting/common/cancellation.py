@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock, local
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 
 class Cancelled(Exception):
@@ -37,6 +37,24 @@ def cancelled_by(signal: Signal) -> Iterator[None]:
         yield
     finally:
         _watched.signal = before
+
+
+class _AnyOf(NamedTuple):
+    """A signal that is set once one of others is."""
+
+    signals: tuple[Signal, ...]
+
+    def is_set(self) -> bool:
+        """Return whether the work is cancelled."""
+        return any(signal.is_set() for signal in self.signals)
+
+
+@contextmanager
+def also_cancelled_by(signal: Signal) -> Iterator[None]:
+    """As ``cancelled_by``, while the signal of the context around it still counts."""
+    around = _watched.signal
+    with cancelled_by(signal if around is None else _AnyOf((around, signal))):
+        yield
 
 
 class _Uncancellable:

@@ -38,8 +38,37 @@ def test_a_solved_view_is_what_its_camera_sees(scene, places):
     )[0]
     assert np.abs(shown - scale * seen - off).max() < 2.0
     assert 0.0 <= target.residual_median <= target.residual_max < 1.5
-    assert target.message.startswith("Met within") and target.hidden_by == ""
+    assert target.hidden_by == "" and camera.scfpf.aim.flaws == ""
     assert "points within 1.5 px" in camera.scfpf.aim.message
+    # Over all that the eye sees of the box, its front, left and top, each point as large as it is seen, from
+    # where the view has it: the middle of the box at its position, a sphere around it as wide as it says.
+    line = (np.arange(60) + 0.5) / 30 - 1
+    a, b = (part.ravel() for part in np.meshgrid(line, line))
+    sides = ((a, -1, b), (-1, a, b), (a, b, 1))
+    faces = [np.stack(np.broadcast_arrays(1 + 1.5 * x, 0.8 * y, 1.0 + z), axis=1) for x, y, z in sides]
+    points, normal = np.concatenate(faces), np.repeat([1, 0, 2], len(a))
+    areas = np.repeat([1.5, 0.8, 1.5 * 0.8], len(a))
+    matrix = np.array(target.eye.matrix_world)
+    way = points - matrix[:3, 3]
+    towards = np.abs(way[np.arange(len(way)), normal])
+    sizes = areas * towards / np.abs(way @ matrix[:3, 2]) ** 3
+    middle, radius = Vector((1.0, 0.0, 1.0)), math.hypot(1.5, 0.8, 1.0)
+    seen = np.array([world_to_camera_view(scene, target.eye, p)[:] for p in (middle, *map(Vector, points))])
+    sphere = radius / seen[0, 2] / math.tan(target.eye.data.angle / 2)
+    wanted = (seen[1:, :2] - seen[0, :2]) * (1.0, high / wide) * (960 * target.width / sphere)
+    wanted += np.array(target.position) * (960, 540)
+    distances = np.linalg.norm(places(camera, points) - wanted, axis=1)
+    order = np.argsort(distances)
+    share = np.cumsum(sizes[order]) / sizes.sum()
+    # A few of them are hidden in the image.
+    least, most = (distances[order][np.searchsorted(share, part)] for part in (0.94, 0.96))
+    assert least < target.whole_95 < most
+    assert target.whole_max == pytest.approx(distances.max(), rel=0.05)
+    assert target.message.startswith(f"95 % within {target.whole_95:.{1 if target.whole_95 < 10 else 0}f} px")
+    assert camera.scfpf.aim.message.startswith(f"Box: {target.message} · background: 95 % within")
+    worst = np.array(target.whole_worst) * (960, 540)
+    nearest = np.linalg.norm(places(camera, points) - worst, axis=1).argmin()
+    assert distances[nearest] > 0.7 * target.whole_max
 
 
 def test_what_is_far_from_the_view_stays(scene, places):

@@ -132,29 +132,6 @@ def test_the_view_camera_frames_the_viewbox_in_the_camera_s_place(camera, data):
 
 
 @pytest.mark.usefixtures("light_nodes")
-def test_objects_that_become_a_volume_leave_and_come_back(camera, data):
-    """Whose material has a volume and no surface: no ray meets their faces."""
-    cube = add_cube()
-    material = bpy.data.materials.new("Fog")
-    if material.node_tree is None:
-        material.use_nodes = True
-    cube.data.materials.append(material)
-    toggle(camera)
-    source = data.preview_of(camera, bpy.context.scene)
-    assert members(source) == {"Cube"}
-    tree = material.node_tree
-    end = tree.get_output_node("ALL")
-    tree.links.new(tree.nodes.new("ShaderNodeVolumeScatter").outputs[0], end.inputs["Volume"])
-    assert members(source) == {"Cube"}, "a surface and a volume"
-    surface = end.inputs["Surface"].links[0]
-    shader = surface.from_socket
-    tree.links.remove(surface)
-    assert members(source) == set()
-    tree.links.new(shader, end.inputs["Surface"])
-    assert members(source) == {"Cube"}
-
-
-@pytest.mark.usefixtures("light_nodes")
 def test_members_follow_the_scene(camera, data):
     add_cube("First")
     toggle(camera)

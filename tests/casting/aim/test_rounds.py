@@ -2,12 +2,14 @@
 """The choice among rounds, with a solver that returns given judgements in turn."""
 
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
 
 from scfpf_addon.casting.aim import rounds
 from scfpf_addon.casting.aim.judge import Judgement
+from scfpf_addon.casting.common.cancellation import Cancelled, cancelled_by, raise_if_cancelled
 from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult
 from scfpf_addon.projection.surfaces.nurbs import NurbsPatch
 
@@ -31,7 +33,7 @@ STRICTER, YIELDING = ([way, way.mending()] for way in (rounds.STILL, rounds.LOOS
 def chosen(monkeypatch):
     """From judgements of the rounds to the number of the one chosen and the ways that were solved."""
 
-    def choose(found, report=lambda share: False):
+    def choose(found, report=lambda share: False, budget=None):
         solved = []
 
         def fake(problem, is_cancelled, schedule):
@@ -41,7 +43,9 @@ def chosen(monkeypatch):
             return None if is_cancelled() else result
 
         monkeypatch.setattr(rounds, "solve", fake)
-        best = rounds.solve_in_rounds(PROBLEM, lambda result: found[result.steps - 1], OLD, report)
+        best = rounds.solve_in_rounds(
+            PROBLEM, lambda result: found[result.steps - 1], OLD, report, budget=budget
+        )
         return best and best.number, solved
 
     return choose
@@ -119,6 +123,71 @@ def test_progress_rises_and_stops(chosen):
     chosen([bad] * 6, lambda share: bool(shares.append(share)))
     assert shares == sorted(shares) and 0.9 < shares[-1] <= 1.0
     assert chosen([bad] * 4, lambda share: share > 0.71) == (None, [rounds.FIRST, MEND])
+
+
+class Clock:
+    """A clock that goes on by a second at each look."""
+
+    def __init__(self):
+        self.seconds = 0
+
+    def __call__(self):
+        self.seconds += 1
+        return self.seconds
+
+
+def test_a_budget_is_over_when_its_clock_says_so():
+    clock = Clock()
+    budget = rounds.Budget(3, clock)
+    assert [budget.is_set() for _ in range(4)] == [False, False, True, True]
+    assert not rounds.Budget(np.inf, clock).is_set()
+
+
+def test_the_best_so_far_is_taken_when_the_time_is_over(chosen):
+    far, folded = judgement(moved=8.0), judgement(folded=0.001)
+    all_ways = [rounds.FIRST, FIRM, FIRM.mending(), MEND]
+    found = [far, folded, judgement(moved=4.0), far]
+    assert chosen(found, budget=rounds.Budget(1000, Clock())) == (3, all_ways[:3])
+    # After the first one a round looks once as it solves, and once as it ends. One under way is dropped.
+    assert chosen(found, budget=rounds.Budget(2, Clock())) == (1, all_ways[:2])
+    assert chosen(found, budget=rounds.Budget(3, Clock())) == (1, all_ways[:3])
+    # The first one ends in any case.
+    assert chosen(found, budget=rounds.Budget(0, Clock())) == (1, all_ways[:2])
+    assert chosen([judgement()], budget=rounds.Budget(0, Clock())) == (1, all_ways[:1])
+
+
+def test_rays_of_a_late_round_end_it_too(monkeypatch):
+    """A judge casts; the budget cancels its rays, and what others cancel is no matter of the budget."""
+    clock = Clock()
+    result = AimResult((PATCH,), np.zeros(10), np.zeros(10), 1)
+    monkeypatch.setattr(rounds, "solve", lambda *_: result)
+    judged = []
+
+    def judge(_result):
+        judged.append(1)
+        clock.seconds += 100 * (len(judged) > 1)
+        raise_if_cancelled()
+        return judgement(moved=8.0)
+
+    best = rounds.solve_in_rounds(PROBLEM, judge, OLD, budget=rounds.Budget(50, clock))
+    assert best.number == 1 and len(judged) == 2
+    stop = Event()
+    stop.set()
+    with pytest.raises(Cancelled), cancelled_by(stop):
+        rounds.solve_in_rounds(PROBLEM, judge, OLD)
+
+
+def test_hidden_pins_are_freed_only_in_time(monkeypatch):
+    result = AimResult((PATCH,), np.zeros(10), np.zeros(10), 1)
+    monkeypatch.setattr(rounds, "solve", lambda *_: result)
+
+    def free(_found):
+        raise AssertionError("the time is over")
+
+    hidden = judgement(hidden=4)
+    budget = rounds.Budget(0, Clock())
+    best = rounds.solve_in_rounds(PROBLEM, lambda _: hidden, OLD, free=free, budget=budget)
+    assert best.judgement is hidden
 
 
 @pytest.mark.parametrize(

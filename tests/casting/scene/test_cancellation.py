@@ -6,7 +6,12 @@ from threading import Event, Thread, get_ident
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.common.cancellation import Cancelled, cancelled_by, raise_if_cancelled
+from scfpf_addon.casting.common.cancellation import (
+    Cancelled,
+    also_cancelled_by,
+    cancelled_by,
+    raise_if_cancelled,
+)
 from scfpf_addon.casting.common.parallel import beside, parallel_map
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.tiles import run_tiles
@@ -36,6 +41,26 @@ def test_rays_are_where_work_ends(scene):
                 cast()
     for cast in casts:
         cast()
+
+
+@pytest.mark.parametrize("which", ["outer", "inner"])
+def test_either_of_two_signals_ends_the_work(which):
+    signals = {"outer": Event(), "inner": Event()}
+    with cancelled_by(signals["outer"]), also_cancelled_by(signals["inner"]):
+        raise_if_cancelled()
+        signals[which].set()
+        with pytest.raises(Cancelled):
+            raise_if_cancelled()
+    raise_if_cancelled()
+
+
+def test_a_signal_counts_by_itself_where_there_is_no_other():
+    stop = Event()
+    with also_cancelled_by(stop):
+        raise_if_cancelled()
+        stop.set()
+        with pytest.raises(Cancelled):
+            raise_if_cancelled()
 
 
 def test_a_cancelled_image_ends_amid_tiles_that_never_would(scene):
