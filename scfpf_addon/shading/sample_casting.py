@@ -14,6 +14,7 @@ from ..casting.common.hits import CastCounts, Hits
 from ..casting.continuation import Continuation
 from ..projection.typing import IndexArray
 from .passes.light_passes import LightParts
+from .sampling.point_samples import PointSamples, pixel_places
 from .sampling.sample_positions import SamplePositions, row_pixels
 from .scene.motion import moment_of_samples
 from .tracing.scene_view import SceneView
@@ -23,8 +24,8 @@ from .typing import Single
 class CastSample(NamedTuple):
     """One sample of n pixels after casting.
 
-    number: of the sample. hits: of the n projectors. continuation: of these, with the pixels' numbers in the
-    image as seeds; None where there are no triangles.
+    number: of the sample. hits: of the n projectors. continuation: of these, with the ``pixel_places`` as
+    seeds; None where there are no triangles.
     """
 
     view: SceneView
@@ -92,20 +93,25 @@ class SampleCaster:
             return self._color(first, wheres[0], parts)
         count = len(first.hits.t)
         number = np.repeat([cast.number for cast in casts], [len(where) for where in wheres])
+        continuation = Continuation.joined(continuations)
         where = np.concatenate([where + count * k for k, where in enumerate(wheres)])
         hits = Hits.joined([cast.hits for cast in casts])
-        return shading.color(hits, where, number, Continuation.joined(continuations), parts)
+        samples = self._samples(continuation, where, number)
+        return shading.color(hits, where, samples, continuation, parts)
 
     def _color(self, cast: CastSample, where: IndexArray, parts: LightParts | None) -> Single:
         """The colours of the hits at ``where`` of one sample; (3, 0) without triangles."""
         shading = cast.view.shading
         if shading is None or cast.continuation is None:
             return np.zeros((3, 0), np.float32)
-        sample: int | IndexArray = cast.number
-        # Places that paths reach belong to no pixel any more.
-        if self.places.scrambled and shading.tracer is None:
-            sample = self.places.on_lamps(cast.continuation.pixel[where], cast.number)
-        return shading.color(cast.hits, where, sample, cast.continuation, parts)
+        samples = self._samples(cast.continuation, where, cast.number)
+        return shading.color(cast.hits, where, samples, cast.continuation, parts)
+
+    def _samples(
+        self, continuation: Continuation, where: IndexArray, number: int | IndexArray
+    ) -> PointSamples:
+        """The samples of the hits at ``where``. number: see ``PointSamples``."""
+        return PointSamples(continuation.pixel.take(where).astype(np.uint32), number, self.places.count)
 
     def _moment(self, sample: int) -> int:
         """The number of the moment that a sample sees."""
@@ -116,6 +122,7 @@ class SampleCaster:
     ) -> Iterator[CastSample]:
         """Cast samples of all pixels of whole rows, which see one view: all at once if it has layers."""
         step = len(samples) if view.parts else 1
+        place = pixel_places(pixel, self.places.width).astype(np.intp)
         for first in range(0, len(samples), step):
             some = samples[first : first + step]
             lenses = [self.places.on_lens(pixel, each) if view.depth_of_field else None for each in some]
@@ -124,7 +131,7 @@ class SampleCaster:
                 for each, share in zip(some, lenses, strict=True)
             ]
             for number, (hits, continuation) in zip(some, view.cast_samples(seen, counts), strict=True):
-                yield CastSample(view, number, hits, continuation and replace(continuation, pixel=pixel))
+                yield CastSample(view, number, hits, continuation and replace(continuation, pixel=place))
 
     def _cast_together(
         self, view: SceneView, pixel: IndexArray, samples: list[int], counts: CastCounts
@@ -137,7 +144,7 @@ class SampleCaster:
             shares = [self.places.on_lens(pixel, sample) for sample in samples]
             share = np.stack(shares, axis=2).reshape(2, -1)
         hits, continuation = view.through_lens(share).cast_with_continuation(x, y, counts, False)
-        seeds = np.repeat(pixel, len(samples))
+        seeds = np.repeat(pixel_places(pixel, self.places.width).astype(np.intp), len(samples))
         whole = CastSample(view, -1, hits, continuation and replace(continuation, pixel=seeds))
         return {
             sample: whole.take(np.arange(first, len(x), len(samples)))._replace(number=sample)

@@ -14,6 +14,7 @@ from scfpf_addon.shading.lights.lamps import Lamp
 from scfpf_addon.shading.lights.lighting import Lighting
 from scfpf_addon.shading.materials.coefficients import MaterialCoefficients
 from scfpf_addon.shading.materials.constants import Materials
+from scfpf_addon.shading.sampling.point_samples import PointSamples
 from scfpf_addon.shading.scene.shading_scene import Scene
 from scfpf_addon.shading.scene.surface import SurfaceTable
 
@@ -121,7 +122,11 @@ def shade_samples(what, triangle, position, tangent, chosen, samples):
     )
     lamps = tuple(Lamp.of(light, cast_scene.matrix, samples) for light in what.lights)
     coefficients = MaterialCoefficients.of(what.materials, what.world_color)
-    return [Lighting(lamps, cast_scene).radiance(points, coefficients, sample) for sample in chosen]
+    place = np.zeros(count, np.uint32)
+    lighting = Lighting(lamps, cast_scene)
+    return [
+        lighting.radiance(points, coefficients, PointSamples(place, sample, samples)) for sample in chosen
+    ]
 
 
 def looking_down(*heights, size=2.0, shifts=None, basis="BEZIER", **projection):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...projection.typing import Array, BoolArray, IndexArray
-from ..sampling.sample_sets import lamp_positions
+from ...projection.typing import Array, BoolArray
+from ..sampling.sample_sets import LampShape, lamp_places
 from ..scene.shading_scene import Light
 from ..scene.surface import TINY
 from ..typing import Single
@@ -39,8 +39,8 @@ class AreaBeam:
     """An area lamp of limited spread.
 
     centre: (3, 1). axes: (3, 3), unit columns, the lamp's own. half: (2, 1) half extents. ellipse: its shape.
-    tangent: of the half spread. factor: normalises the power. square, disc: (2, S), places of the samples,
-    both in a square of side 1 around 0.
+    tangent: of the half spread. factor: normalises the power. sharp: whether light
+    comes from the middle alone of what is seen.
     """
 
     centre: Single
@@ -49,11 +49,10 @@ class AreaBeam:
     ellipse: bool
     tangent: np.float32
     factor: np.float32
-    square: Single
-    disc: Single
+    sharp: bool
 
     @classmethod
-    def of(cls, light: Light, placed: Array, samples: int) -> AreaBeam:
+    def of(cls, light: Light, placed: Array, sharp: bool) -> AreaBeam:
         """The beam of a lamp at ``placed`` (4, 4) in cast space.
 
         Normalisation as in Cycles (AreaLight::copy_to_kernel): tan a - a for the half spread a, by its
@@ -70,12 +69,13 @@ class AreaBeam:
             ellipse=light.ellipse,
             tangent=np.float32(tangent),
             factor=np.float32(factor),
-            square=lamp_positions(samples, "SQUARE").astype(np.float32),
-            disc=lamp_positions(samples, "DISC").astype(np.float32),
+            sharp=sharp,
         )
 
-    def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
+    def incidence(self, position: Single, share: Single) -> Incidence:
         """Return the light that arrives at position (3, N), in units of the lamp's power / π.
+
+        share: (2, N) or (2, 1) random numbers.
 
         A grid of slats before the lamp lets through the less the more light is inclined (Cycles,
         kernel/light/area.h). Samples are spread over the part of the lamp that is seen through it: a disc
@@ -85,7 +85,7 @@ class AreaBeam:
         x, y, z = (dot(away, axis[:, None]) for axis in self.axes.T)
         depth = np.maximum(-z, 0)
         here, reach = np.stack([x, y]), depth * self.tangent
-        place, share = self._places(here, reach, sample)
+        place, seen = self._places(here, reach, share)
         place -= here
         flat = np.sum(place**2, axis=0)
         squared = np.maximum(flat + depth**2, TINY)
@@ -96,9 +96,9 @@ class AreaBeam:
             axis[:, None] * along for axis, along in zip(self.axes.T, (*place, depth), strict=True)
         )
         direction /= distance
-        return Incidence(direction, share * passed * depth / (squared * distance), distance)
+        return Incidence(direction, seen * passed * depth / (squared * distance), distance)
 
-    def _places(self, here: Single, reach: Single, sample: int | IndexArray) -> tuple[Single, Single]:
+    def _places(self, here: Single, reach: Single, share: Single) -> tuple[Single, Single]:
         """Places (2, N) on the lamp's plane, and the share of the lamp that they stand for, (N,).
 
         here: (2, N) where the points are on the plane. reach: (N,) radius of the disc that they see.
@@ -106,36 +106,30 @@ class AreaBeam:
         low, high = np.maximum(here - reach, -self.half), np.minimum(here + reach, self.half)
         side = np.maximum(high - low, 0)
         whole = ((low > -self.half) & (high < self.half)).all(axis=0)
-        share = side[0] * side[1] / (4 * self.half[0] * self.half[1])
+        part = side[0] * side[1] / (4 * self.half[0] * self.half[1])
         if self.ellipse:
             off = np.sqrt(np.sum((here / self.half) ** 2, axis=0))
             whole &= off + reach / self.half.min() < 1
             whole |= ((low == -self.half) & (high == self.half)).all(axis=0)
-            share *= np.float32(4 / np.pi)
-        number = np.atleast_1d(sample)
-        square, disc = self.square.take(number, axis=1), self.disc.take(number, axis=1)
+            part *= np.float32(4 / np.pi)
+        shapes: tuple[LampShape, LampShape] = ("POINT", "POINT") if self.sharp else ("SQUARE", "DISC")
+        square, disc = (lamp_places(share, shape) for shape in shapes)
         place = (low + high) / 2 + side * (square + (disc - square) * whole)
-        share *= 1 + (np.float32(np.pi / 4) - 1) * whole
+        part *= 1 + (np.float32(np.pi / 4) - 1) * whole
         if self.ellipse:
-            share *= whole | (np.sum((place / self.half) ** 2, axis=0) <= 1)
-        return place, share
+            part *= whole | (np.sum((place / self.half) ** 2, axis=0) <= 1)
+        return place, part
 
 
 @dataclass(frozen=True)
 class SphereBeam:
-    """A spherical lamp. centre: (3, 1). squared_radius: the sphere's. disc: (2, S), places of the samples."""
+    """A spherical lamp. centre: (3, 1). squared_radius: the sphere's. sharp: light from its middle alone."""
 
     centre: Single
     squared_radius: np.float32
-    disc: Single
+    sharp: bool
 
-    @classmethod
-    def of(cls, placed: Array, squared_radius: np.float32, samples: int) -> SphereBeam:
-        """The beam of a lamp at ``placed`` (4, 4) in cast space."""
-        disc = lamp_positions(samples, "DISC").astype(np.float32)
-        return cls(placed[:3, 3:].astype(np.float32), squared_radius, disc)
-
-    def incidence(self, position: Single, sample: int | IndexArray) -> tuple[Incidence, BoolArray]:
+    def incidence(self, position: Single, share: Single) -> tuple[Incidence, BoolArray]:
         """Return the light at position (3, N), by the lamp's intensity, and which positions lie outside it.
 
         Samples are spread evenly over the solid angle of the sphere (Cycles, kernel/light/point.h);
@@ -149,9 +143,8 @@ class SphereBeam:
         sine = np.minimum(self.squared_radius / squared, 1)
         # 1 - cos of the sphere's angular radius, and of the sample's angle to its middle.
         cap = np.where(outside, sine / (1 + np.sqrt(1 - sine)), 2).astype(np.float32)
-        disc = self.disc.take(np.atleast_1d(sample), axis=1)
-        share = np.minimum(4 * dot(disc, disc), 1)
-        lower = cap * share
+        disc = lamp_places(share, "POINT" if self.sharp else "DISC")
+        lower = cap * np.minimum(4 * dot(disc, disc), 1)
         across, up = perpendicular(ahead)
         aside = 2 * np.sqrt(cap * (2 - lower))
         direction = ahead * (1 - lower) + across * (aside * disc[0]) + up * (aside * disc[1])

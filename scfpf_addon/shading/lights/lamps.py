@@ -14,45 +14,53 @@ from zlib import crc32
 import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
-from ...projection.typing import Array, IndexArray
-from ..sampling.sample_sets import lamp_positions
+from ...projection.typing import Array
+from ..sampling.point_samples import Shares
+from ..sampling.sample_sets import LampShape, lamp_places
 from ..scene.shading_scene import Light
 from ..scene.surface import TINY, SurfacePoints
 from ..typing import Single
-from ..vectors import dot
+from ..vectors import dot, perpendicular
 from .beams import AreaBeam, Incidence, SphereBeam
 
 # The least width of a spot's edge, as its cosine: no division by 0 without a blend.
 SMALLEST_BLEND = 1e-6
 # Strength and distance of a sun.
 FROM_A_SUN = np.ones(1, np.float32), np.full(1, np.inf, np.float32)
+# Rows and columns of the table of a sky's lamp.
+SKY_STEPS = 64
+# The random numbers of lamps that need none.
+MIDDLE = np.full((2, 1), 0.5, np.float32)
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light in cast space, with a place for each sample of the film.
+    """A light in cast space.
 
-    color: (3,) radiant intensity, or irradiance of a sun. places: (3, S); of a sun from the lit point, on a
-    disc at the distance 1.
-    axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
-    those in the light's own space, where a spot's cone is round. softness: the squared
-    radius of a point or spot, which lights as a disc that faces the lit point, or as a sphere. beam: of an
-    area lamp of limited spread, or of a sphere. occluders: the part of the scene that casts its shadows, None
-    for all of it.
+    color: (3,) radiant intensity, or irradiance of a sun. middle: (3, 1); of a sun from the lit point, at
+    the distance 1. sides: (3, 2) width and height of an area lamp, or of a sun's disc at that distance.
+    axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to those in the light's own
+    space, where a spot's cone is round. softness: the squared radius of a point or spot, which lights as a
+    disc that faces the lit point, or as a sphere. shape: over which light comes from random places. beam: of
+    an area lamp of limited spread, or of a sphere. sky: (3, SKY_STEPS²) directions of a sky's lamp instead,
+    with equal light from each. occluders: the part of the scene that casts its shadows, None for all of it.
     """
 
     light: Light
     color: Single
-    places: Single
+    middle: Single
+    sides: Single
     axis: Single
     local: Single
     softness: np.float32
+    shape: LampShape
     beam: AreaBeam | SphereBeam | None = None
+    sky: Single | None = None
     occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: Light, matrix: Array, samples: int) -> Lamp:
-        """A light as a frame of ``samples`` samples sees it.
+        """A light in frames of ``samples`` samples; one sample sees its middle, so that shadows are sharp.
 
         matrix: (4, 4), world to cast space: a uniform scale and a shift. Blender's units: a
         point of P watts has the intensity P/4π whatever its size, a spot the same within
@@ -61,42 +69,49 @@ class Lamp:
         """
         placed = matrix @ np.asarray(light.matrix, np.float64)
         scale = float(np.linalg.norm(matrix[:3, 0]))
-        axes = placed[:3, :3]
+        axes, sharp = placed[:3, :3], samples == 1
+        sides = np.zeros((3, 2))
+        shape: LampShape = "DISC"
         if light.kind == "SUN":
             strength, placed[:3, 3] = 1.0, axes[:, 2] / scale
-            offsets = axes[:, :2] / scale @ (lamp_positions(samples, "DISC") * (2 * np.tan(light.angle / 2)))
+            sides = axes[:, :2] / scale * (2 * np.tan(light.angle / 2))
         elif light.kind == "AREA":
             strength = scale**2 / np.pi
-            plane = lamp_positions(samples, "DISC" if light.ellipse else "SQUARE")
-            offsets = axes[:, :2] @ (plane * np.reshape(light.size, (2, 1)))
+            shape, sides = "DISC" if light.ellipse else "SQUARE", axes[:, :2] * np.reshape(light.size, 2)
         else:
             strength = scale**2 / (4 * np.pi)
-            offsets = lamp_positions(samples, "BALL") * (light.radius * scale)
         softness = np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0)
         beam: AreaBeam | SphereBeam | None = None
         if light.kind == "AREA" and light.spread < np.pi:
-            beam = AreaBeam.of(light, placed, samples)
+            beam = AreaBeam.of(light, placed, sharp)
         elif light.kind in ("POINT", "SPOT") and light.sphere and light.radius > 0.0:
-            beam = SphereBeam.of(placed, softness, samples)
+            beam = SphereBeam(placed[:3, 3:].astype(np.float32), softness, sharp)
         return cls(
             light=light,
             color=(np.asarray(light.color) * strength).astype(np.float32),
-            places=(placed[:3, 3:] + offsets).astype(np.float32),
+            middle=placed[:3, 3:].astype(np.float32),
+            sides=sides.astype(np.float32),
             axis=(-axes[:, 2] / max(float(np.linalg.norm(axes[:, 2])), float(TINY))).astype(np.float32),
             local=np.linalg.pinv(axes / scale).astype(np.float32),
             softness=softness,
+            shape="POINT" if sharp or not (sides.any() or softness) else shape,
             beam=beam,
         )
 
-    @cached_property
-    def towards(self) -> Single:
-        """Directions to a sun's places, (3, S), unit."""
-        return (self.places / np.sqrt(dot(self.places, self.places))).astype(np.float32)
+    @property
+    def random(self) -> bool:
+        """Return whether the light comes from random places."""
+        return self.shape != "POINT"
+
+    def share(self, shares: Shares | None) -> Single:
+        """The lamp's own random numbers (2, N), or (2, 1) if it needs none. shares: of N points."""
+        return shares.of(self.seed) if shares and self.random else MIDDLE
 
     @cached_property
     def seed(self) -> np.uint32:
         """The seed of random choices, which other lamps do not change."""
-        return np.uint32(crc32(np.concatenate([self.places, self.color[:, None]], axis=1).tobytes()))
+        parts = self.middle, self.sides, self.axis[:, None], self.color[:, None]
+        return np.uint32(crc32(np.concatenate(parts, axis=1).tobytes()))
 
     @property
     def power(self) -> float:
@@ -106,28 +121,26 @@ class Lamp:
             return power
         return power / max(float((self.middle**2).sum()), float(TINY))
 
-    @cached_property
-    def middle(self) -> Single:
-        """The centre of a round lamp, (3, 1)."""
-        middle: Single = self.places.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
-        return middle
-
-    def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
-        """The light that arrives at position (3, N). sample: one of all points, or one of each (N,)."""
+    def incidence(self, position: Single, share: Single) -> Incidence:
+        """The light that arrives at position (3, N). share: see ``share``."""
         if self.light.kind == "SUN":
-            return Incidence(self.towards.take(np.atleast_1d(sample), axis=1), *FROM_A_SUN)
+            return Incidence(self._towards_sun(share), *FROM_A_SUN)
         if isinstance(self.beam, AreaBeam):
-            return self.beam.incidence(position, sample)
+            return self.beam.incidence(position, share)
         if self.beam:
-            return self._from_sphere(self.beam, position, sample)
-        places: Single = self.places.take(np.atleast_1d(sample), axis=1)
-        direction: Single = places - position
+            return self._from_sphere(self.beam, position, share)
         facing: Single | None = None
-        if self.softness:
-            # On the disc that faces the point: seen from there its rim is foreshortened.
-            ahead = self.middle - position
-            facing = np.maximum(dot(ahead, ahead), TINY)
-            direction -= ahead * (dot(places - self.middle, ahead) / facing)
+        if self.light.kind == "AREA":
+            direction: Single = self._on_sides(share) - position
+        else:
+            direction = self.middle - position
+            if self.random:
+                # On the disc that faces the point: seen from there its rim is foreshortened.
+                facing = np.maximum(dot(direction, direction), TINY)
+                across, up = perpendicular(direction / np.sqrt(facing))
+                place = lamp_places(share, self.shape) * (2 * np.sqrt(self.softness))
+                direction += across * place[0]
+                direction += up * place[1]
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)
         direction /= distance
@@ -140,9 +153,28 @@ class Lamp:
             strength *= self.spot(direction)
         return Incidence(direction, strength, distance)
 
-    def _from_sphere(self, beam: SphereBeam, position: Single, sample: int | IndexArray) -> Incidence:
+    def _towards_sun(self, share: Single) -> Single:
+        """Directions to places on a sun, or on a sky's lamp, (3, N) or (3, 1), unit."""
+        if self.sky is not None:
+            row, column = (share * np.float32(SKY_STEPS)).astype(np.intp)
+            towards: Single = self.sky.take(row * SKY_STEPS + column, axis=1)
+            return towards
+        place = self._on_sides(share)
+        place /= np.sqrt(dot(place, place))
+        return place
+
+    def _on_sides(self, share: Single) -> Single:
+        """Random places on a lamp's plane, (3, N) or (3, 1)."""
+        if not self.random:
+            return self.middle.copy()
+        along, up = lamp_places(share, self.shape)
+        places: Single = self.middle + self.sides[:, :1] * along
+        places += self.sides[:, 1:] * up
+        return places
+
+    def _from_sphere(self, beam: SphereBeam, position: Single, share: Single) -> Incidence:
         """``incidence`` of a spherical point or spot."""
-        light, outside = beam.incidence(position, sample)
+        light, outside = beam.incidence(position, share)
         if self.light.kind == "SPOT":
             # Inside the sphere light comes from all sides.
             light.strength[outside] *= self.spot(light.direction[:, outside])

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
-from ...projection.typing import Array, IndexArray
+from ...projection.typing import Array
 from ..materials.coefficients import MaterialCoefficients, ViewTerms, by_material, metal_terms
 from ..materials.microfacet import ggx_reflection
 from ..passes.light_passes import DIFFUSE, SPECULAR, LightParts
+from ..sampling.point_samples import PointSamples, Shares
 from ..sampling.sample_positions import BITS, Bits, scramble
 from ..scene.shading_scene import Scene
 from ..scene.surface import TINY, SurfacePoints
@@ -28,6 +29,8 @@ from .sky_light import SkyLight, position_seeds
 OVER_PI = np.float32(1.0 / np.pi)
 # Lamps whose light is a smaller share of that of all lamps at a point get their shadow rays at random.
 FAINT = 1.0 / 8.0
+# The seed of places on lamps.
+LAMPS = 8
 
 
 class _Seen(NamedTuple):
@@ -96,7 +99,7 @@ class Lighting:
         self,
         points: SurfacePoints,
         coefficients: MaterialCoefficients,
-        sample: int | IndexArray,
+        samples: PointSamples,
         parts: LightParts | None = None,
         weight: Array | None = None,
     ) -> Single:
@@ -104,7 +107,7 @@ class Lighting:
 
         Emission and the environment's light, plus for every lamp Lambert's share of the light that arrives
         and that of GGX facets, towards V against the projector's tangent.
-        parts: of the points, to be filled in. weight: (N,), see ``SkyLight.radiance``.
+        samples: of the points. parts: of them, to be filled in. weight: (N,), see ``SkyLight.radiance``.
         """
         facing = dot(points.normal, points.view)
         unit = coefficients.unit if self.sky else None
@@ -115,12 +118,13 @@ class Lighting:
         if self.lamps:
             seen = _Seen.of(points, coefficients, facing, view)
             seeds = position_seeds(points.position)
+            shares = samples.shares(LAMPS) if any(lamp.random for lamp in self.lamps) else None
             for lamp in self.lamps:
-                self._add_lamp(color, seen, lamp, sample, parts, scramble(seeds ^ lamp.seed, 0), weight)
+                self._add_lamp(color, seen, lamp, shares, parts, scramble(seeds ^ lamp.seed, 0), weight)
         color += unlit
         if self.sky and unit:
             reflectance = unit.unlit(points.material, view) * OVER_PI
-            lit = self.sky.radiance(points, reflectance, sample, color, weight)
+            lit = self.sky.radiance(points, reflectance, samples, color, weight)
             color += lit
             if parts:
                 parts.rows[DIFFUSE] += lit
@@ -131,14 +135,17 @@ class Lighting:
         color: Single,
         seen: _Seen,
         lamp: Lamp,
-        sample: int | IndexArray,
+        shares: Shares | None,
         parts: LightParts | None,
         seeds: Bits,
         weight: Array | None,
     ) -> None:
-        """Add the light of a lamp to colours (3, N), in place. seeds: (N,) of random choices."""
+        """Add the light of a lamp to colours (3, N), in place.
+
+        shares: None if no lamp needs them. seeds: (N,) of random choices.
+        """
         points, coefficients = seen.points, seen.coefficients
-        light = lamp.incidence(points.position, sample)
+        light = lamp.incidence(points.position, lamp.share(shares))
         cosine = np.maximum(dot(points.normal, light.direction), 0)
         received = cosine * light.strength
         lamp.limit_to_receivers(received, points)

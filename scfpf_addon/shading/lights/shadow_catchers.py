@@ -16,19 +16,22 @@ from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..passes.light_passes import LightParts
+from ..sampling.point_samples import PointSamples, Shares
+from ..sampling.sample_sets import pixel_positions
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfacePoints
 from ..scene.world import World, uniform_light
 from ..settings.frame_settings import FrameSettings
 from ..typing import Single
 from ..vectors import dot
-from .lamps import Lamp
+from .lamps import MIDDLE, Lamp
+from .lighting import LAMPS
 from .ray_visibility import has_catchers, shadow_scene, with_occluders
 from .shadow_rays import cut_shadows
 from .sky_light import SkyLight
 
-# The most places on an area lamp whose mean stands for the whole lamp.
-MOST_PLACES = 32
+# Random numbers of the places on an area lamp whose mean stands for the whole lamp.
+WHOLE = pixel_positions(32).astype(np.float32)
 # Albedo of a white surface.
 WHITE = np.ones((3, 1), np.float32)
 
@@ -87,29 +90,30 @@ class Catchers:
         met: BoolArray = self.caught.take(triangle)
         return met
 
-    def left(self, points: SurfacePoints, sample: int | IndexArray) -> Single:
+    def left(self, points: SurfacePoints, samples: PointSamples) -> Single:
         """Share (3, n) of the light at points that other objects leave, by colour.
 
         It is computed from the light that they block, so that it is exactly 1 in the open, without noise.
         """
         blocked, full = np.zeros_like(points.normal), np.zeros_like(points.normal)
+        shares = samples.shares(LAMPS) if any(lamp.random for lamp, _ in self.lamps) else None
         for lamp, alone in self.lamps:
             if lamp.light.diffuse:
-                lost, usual = self._blocked(lamp, alone, points, sample)
+                lost, usual = self._blocked(lamp, alone, points, shares)
                 blocked += lost * lamp.color[:, None]
                 full += usual * lamp.color[:, None]
         if self.sky:
-            open_sky = self.sky[1].radiance(points, WHITE, sample)
-            blocked += open_sky - self.sky[0].radiance(points, WHITE, sample)
+            open_sky = self.sky[1].radiance(points, WHITE, samples)
+            blocked += open_sky - self.sky[0].radiance(points, WHITE, samples)
             full += open_sky
         left: Single = 1 - np.divide(blocked, full, out=np.zeros_like(blocked), where=full > 0)
         return left
 
     def _blocked(
-        self, lamp: Lamp, alone: Lamp, points: SurfacePoints, sample: int | IndexArray
+        self, lamp: Lamp, alone: Lamp, points: SurfacePoints, shares: Shares | None
     ) -> tuple[Single, Single]:
         """The irradiance of a lamp that other objects block, and that without them, (n,) each."""
-        light = lamp.incidence(points.position, sample)
+        light = lamp.incidence(points.position, lamp.share(shares))
         received = np.maximum(dot(points.normal, light.direction), 0) * light.strength
         lamp.limit_to_receivers(received, points)
         arrived, own = received.copy(), received.copy()
@@ -119,14 +123,14 @@ class Catchers:
         if lamp.light.kind != "AREA":
             return own - arrived, own
         # Nearer places on the lamp are brighter, so the whole is the mean over places, not this sample's.
-        places = range(0, lamp.places.shape[1], -(-lamp.places.shape[1] // MOST_PLACES))
+        places = WHOLE if lamp.random else MIDDLE
         full = np.zeros_like(own)
-        for place in places:
+        for place in places.T:
             raise_if_cancelled()
-            its = lamp.incidence(points.position, place)
+            its = lamp.incidence(points.position, place[:, None])
             full += np.maximum(dot(points.normal, its.direction), 0) * its.strength
         full *= (received == 0) | (own > 0)
-        full /= len(places)
+        full /= places.shape[1]
         lamp.limit_to_receivers(full, points)
         return own - arrived, full
 
@@ -135,18 +139,18 @@ class Catchers:
         color: Single,
         triangle: IndexArray,
         points: SurfacePoints,
-        sample: int | IndexArray,
+        samples: PointSamples,
         continuation: Continuation,
         parts: LightParts | None,
     ) -> Single:
         """Colours (3, n) of hits on triangles (n,) with catchers shown, (4, n) with alpha if there are any.
 
-        continuation: of the hits' projectors. parts: of the colours.
+        samples, continuation: of the hits. parts: of the colours.
         """
         caught = np.flatnonzero(self.meets(triangle))
         if not len(caught):
             return color
-        left = self.left(points.take(caught), sample if isinstance(sample, int) else sample[caught])
+        left = self.left(points.take(caught), samples.take(caught))
         shown = self.shown(left, continuation, caught)
         color = np.concatenate([color, np.ones_like(color[:1])])
         color[:, caught] = shown

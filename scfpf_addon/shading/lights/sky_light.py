@@ -10,15 +10,16 @@ import numpy as np
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ..interpolation import bilinear
+from ..sampling.point_samples import PointSamples
 from ..sampling.sample_positions import BITS, Bits, scramble
-from ..sampling.sample_sets import SILVER, pixel_positions, shuffled
+from ..sampling.sample_sets import SILVER, shuffled
 from ..scene.shading_scene import Light
 from ..scene.sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, luminance_of, map_places
 from ..scene.surface import TINY, SurfacePoints
 from ..typing import Single
 from ..vectors import dot
 from .beams import Incidence
-from .lamps import Lamp
+from .lamps import SKY_STEPS, Lamp
 from .shadow_rays import cut_shadows
 from .sky_sampling import QUANTILES, SkyDirections, directions_of
 
@@ -60,7 +61,7 @@ class SkyLight:
         self,
         points: SurfacePoints,
         reflectance: Single,
-        sample: int | IndexArray,
+        samples: PointSamples,
         beside: Single | None = None,
         weight: Array | None = None,
     ) -> Single:
@@ -78,7 +79,9 @@ class SkyLight:
                 np.ones(len(own)) if beside is None else own / np.maximum(own + luminance_of(beside), TINY)
             )
             share = share if weight is None else share * np.minimum(weight, 1.0)
-            self._hide(arriving, points, sample, self.occluders, self._ray_counts(share * (own > 0.0)))
+            self._hide(
+                arriving, points, samples.number, self.occluders, self._ray_counts(share * (own > 0.0))
+            )
         radiance: Single = reflectance * arriving
         return radiance
 
@@ -142,23 +145,27 @@ def random_pairs(bits: Bits) -> Array:
 
 def world_lamp(luminance: Array, color: Array, samples: int) -> Lamp:
     """A lamp at infinity, whose places are distributed like the luminance of a map (ROWS, COLUMNS)."""
-    across, up = pixel_positions(samples).take(shuffled(samples, SILVER), axis=1)
+    steps = 1 if samples == 1 else SKY_STEPS
+    middles = (np.arange(steps) + 0.5) / steps
     rows = np.concatenate([[0.0], np.cumsum(luminance.sum(axis=1))])
-    row = np.interp(up * rows[-1], rows, np.arange(ROWS + 1))
-    column = np.empty(samples)
-    for number, line in enumerate(np.minimum(row, ROWS - 1).astype(np.intp)):
+    row = np.interp(middles * rows[-1], rows, np.arange(ROWS + 1))
+    column = np.empty((steps, steps))
+    for own, line in zip(column, np.minimum(row, ROWS - 1).astype(np.intp), strict=True):
         until = np.concatenate([[0.0], np.cumsum(luminance[line])])
-        column[number] = np.interp(across[number] * until[-1], until, np.arange(COLUMNS + 1))
-    height, turn = (row / ROWS - 0.5) * np.pi, np.pi - column * (2 * np.pi / COLUMNS)
+        own[:] = np.interp(middles * until[-1], until, np.arange(COLUMNS + 1))
+    height, turn = (row[:, None] / ROWS - 0.5) * np.pi, np.pi - column * (2 * np.pi / COLUMNS)
     flat = np.cos(height)
-    places = np.stack([flat * np.cos(turn), flat * np.sin(turn), np.sin(height)])
-    middle = places.mean(axis=1)
-    light = Light("SUN", color, np.eye(4))
+    places = np.stack([flat * np.cos(turn), flat * np.sin(turn), np.sin(height) + 0 * turn]).reshape(3, -1)
+    middle = places.mean(axis=1, keepdims=True)
+    middle /= np.linalg.norm(middle)
     return Lamp(
-        light=light,
+        light=Light("SUN", color, np.eye(4)),
         color=color.astype(np.float32),
-        places=places.astype(np.float32),
-        axis=(-middle / np.linalg.norm(middle)).astype(np.float32),
+        middle=middle.astype(np.float32),
+        sides=np.zeros((3, 2), np.float32),
+        axis=-middle[:, 0].astype(np.float32),
         local=np.eye(3, dtype=np.float32),
         softness=np.float32(0.0),
+        shape="POINT" if samples == 1 else "SQUARE",
+        sky=places.astype(np.float32) if samples > 1 else None,
     )

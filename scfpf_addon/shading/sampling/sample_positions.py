@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The positions of each pixel's samples, in the image, on a lens and on lamps.
+"""The positions of each pixel's samples, in the image and on a lens.
 
 They are the same set in each pixel, without noise, or the points of Sobol's sequence. These are scrambled by
 the pixel's number in the whole image, so that a pixel does not depend on tiles, borders or threads.
@@ -23,8 +23,6 @@ Bits = NDArray[np.uint32]
 DIRECTIONS = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 # Dimensions of the position in the pixel and of that on the lens.
 PIXEL, LENS = (0, 1), (2, 3)
-# The dimension of the scramble that orders places on lamps.
-LAMP = 4
 BITS = 32
 # Scrambled positions are rounded to steps of the filter, of which there are 2 to this.
 STEP_BITS = 12
@@ -114,11 +112,6 @@ class SamplePositions:
         """Shares (2, n) in [0, 1) of a lens, scrambled for each pixel."""
         share = np.stack([self._own(pixel, dimension, sample) for dimension in LENS])
         return share.astype(np.float64) * 2.0**-BITS
-
-    def on_lamps(self, pixel: IndexArray, sample: int) -> IndexArray:
-        """Number of the lamp's place, of ``count``, for a sample of pixels (n,); each begins elsewhere."""
-        own: IndexArray = (scramble(pixel.astype(np.uint32), LAMP).astype(np.int64) + sample) % self.count
-        return own
 
     def _own(self, pixel: IndexArray, dimension: int, sample: int) -> Bits:
         own: Bits = scramble(pixel.astype(np.uint32), dimension)

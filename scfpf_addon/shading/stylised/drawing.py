@@ -15,6 +15,7 @@ from ...casting.common.hits import CastCounts, Hits
 from ...casting.continuation import Continuation
 from ...projection.typing import Array, IndexArray
 from ..passes.data_passes import DataPasses
+from ..sampling.point_samples import PointSamples
 from ..settings.stylised_settings import OUTER, Hatching, Lines, Stylised
 from ..tracing.hit_colors import Shading
 from ..tracing.scene_view import SceneView
@@ -169,7 +170,8 @@ class Drawing:
             ink = depth_lines(surface, hatching, detail)[band.own]
         else:
             where = np.flatnonzero(surface.hit[band.own])
-            light = self.light.color(band.hits, where + band.own.start, 0, band.continuation)
+            seen = where + band.own.start
+            light = self.light.color(band.hits, seen, PointSamples.alone(len(seen)), band.continuation)
             ink = np.zeros(band.own.stop - band.own.start, np.float32)
             right, up = (axis[where] for axis in in_pixels(band.rows, self.columns, detail))
             ink[where] = tone_strokes(right, up, tone_of(light, self.style.exposure), hatching, detail)

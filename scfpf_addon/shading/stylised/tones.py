@@ -14,6 +14,7 @@ from ...projection.typing import IndexArray
 from ..lights.ray_visibility import without_catchers
 from ..materials.constants import Materials
 from ..passes.light_passes import LightParts
+from ..sampling.point_samples import PointSamples
 from ..scene.shading_scene import Scene
 from ..settings.frame_settings import FrameSettings
 from ..settings.stylised_settings import Stylised
@@ -85,28 +86,27 @@ class StylisedShading(Shading):
         self,
         hits: Hits,
         where: IndexArray,
-        sample: int | IndexArray,
+        samples: PointSamples,
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """As ``Shading.color``. parts: of the image as rendered without style."""
         if self.style.fill == "RENDERED":
-            return super().color(hits, where, sample, continuation, parts)
+            return super().color(hits, where, samples, continuation, parts)
         if parts:
-            super().color(hits, where, sample, continuation, parts)
-        color = self._filled(hits, where, sample, continuation)
+            super().color(hits, where, samples, continuation, parts)
+        color = self._filled(hits, where, samples, continuation)
         caught = np.zeros(0, np.intp)
         if self.catchers:
             caught = np.flatnonzero(self.catchers.meets(hits.triangle.take(where)))
         if len(caught):
-            own = sample if isinstance(sample, int) else sample[caught]
             if len(color) == 3:
                 color = np.concatenate([color, np.ones_like(color[:1])])
-            color[:, caught] = super().color(hits, where[caught], own, continuation)
+            color[:, caught] = super().color(hits, where[caught], samples.take(caught), continuation)
         return color
 
     def _filled(
-        self, hits: Hits, where: IndexArray, sample: int | IndexArray, continuation: Continuation
+        self, hits: Hits, where: IndexArray, samples: PointSamples, continuation: Continuation
     ) -> Single:
         """As ``color``, but shadow catchers, which have no fill, are filled like other surfaces."""
         if self.flat is None:
@@ -115,10 +115,10 @@ class StylisedShading(Shading):
             if self.held_out is not None:
                 paper *= ~self.held_out.take(hits.triangle.take(where))
             return paper
-        color = self.flat.color(hits, where, sample, continuation)
+        color = self.flat.color(hits, where, samples, continuation)
         if self.style.fill == "FLAT" or self.light is None:
             return color
-        light = self.light.color(hits, where, 0, continuation)[:3]
+        light = self.light.color(hits, where, samples, continuation)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
         # Darkness has no colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)

@@ -16,6 +16,7 @@ from ..lights.ray_visibility import has_catchers, holdouts
 from ..lights.shadow_catchers import Catchers
 from ..materials.coefficients import MaterialCoefficients
 from ..passes.light_passes import LightParts
+from ..sampling.point_samples import PointSamples
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..settings.frame_settings import FrameSettings
@@ -64,26 +65,26 @@ class Shading:
         self,
         hits: Hits,
         where: IndexArray,
-        sample: int | IndexArray,
+        samples: PointSamples,
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or one for each hit. continuation: of the projectors of ``hits``.
+        samples: of the n hits. continuation: of the projectors of ``hits``.
         parts: of n hits, to be filled in.
         """
         tracer = self.tracer
         if tracer and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, continuation.take(where), parts)
+            return tracer.color(hits.take(where), samples, continuation.take(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        color = self.lighting.radiance(points, self.coefficients, sample, parts)
+        color = self.lighting.radiance(points, self.coefficients, samples, parts)
         if self.catchers:
-            color = self.catchers.over(color, triangle, points, sample, continuation.take(where), parts)
+            color = self.catchers.over(color, triangle, points, samples, continuation.take(where), parts)
         if self.held_out is None:
             return color
         held = self.held_out.take(triangle)

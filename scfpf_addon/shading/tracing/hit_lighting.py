@@ -139,8 +139,6 @@ class HitLighting:
                 if parts:
                     parts.rows[EMISSION] = color
             else:
-                number = samples.of(wave.pixel.take(some.where))
-                color = self.lighting.radiance(
-                    some.points, some.coefficients, number, parts, share.max(axis=0)
-                )
+                own = samples.at(wave, some.where)
+                color = self.lighting.radiance(some.points, some.coefficients, own, parts, share.max(axis=0))
             film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))

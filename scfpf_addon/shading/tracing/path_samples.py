@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..materials.ggx_sampling import R2_STEP
-from ..sampling.sample_positions import Bits, scramble
+from ..sampling.point_samples import PointSamples
+from ..sampling.sample_positions import scramble
 from ..sampling.sample_sets import GOLDEN
-from .path_wave import TOTAL, PathWave
+from .path_wave import TOTAL, TRANSPARENT, PathWave
 
-# The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
+# The dimensions of the scrambles of rough reflections and of survival.
 REFLECTION, SURVIVAL = 6, 7
 # The throughput below which paths survive at random, in proportion to it: less than what a window or a coat
 # reflects, so that only reflections of reflections have noise.
@@ -21,28 +21,19 @@ SURE = 1.0 / 32.0
 
 
 class PathSamples(NamedTuple):
-    """The random choices of the paths of pixel samples.
+    """The random choices on the paths of pixel samples. first: the samples, at their first hits."""
 
-    pixel: (n,) number in the image. sample: number of the sample in its pixel, (n,) or of all.
-    """
+    first: PointSamples
 
-    pixel: Bits
-    sample: int | IndexArray
+    def at(self, wave: PathWave, which: IndexArray) -> PointSamples:
+        """The samples at the places ``which`` (m,) of a wave; each depth has its own random numbers."""
+        depth = wave.depth.take(which, axis=1).astype(np.uint32)
+        seed = depth[TOTAL] << np.uint32(16) | depth[TRANSPARENT]
+        return self.first.take(wave.pixel.take(which))._replace(seed=seed)
 
-    def of(self, which: IndexArray) -> int | IndexArray:
-        """The numbers of pixel samples (m,) in their pixels, or of all."""
-        return self.sample if isinstance(self.sample, int) else self.sample.take(which)
-
-    def at_depth(self, which: IndexArray, depth: IndexArray) -> Array:
-        """(2, m) in [0, 1) for pixel samples, after ``depth`` (m,) scattering events.
-
-        A pixel's samples fill the square evenly; each pixel and depth begins its sequence elsewhere.
-        """
-        own = scramble(self.pixel[which] ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
-        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
-        step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
-        share: Array = (start + self.of(which) * step) % 1.0
-        return share
+    def facets(self, wave: PathWave, which: IndexArray) -> Array:
+        """Random numbers (2, m) in [0, 1) of the facets of rough reflections."""
+        return self.at(wave, which).shares(REFLECTION).of(REFLECTION).astype(np.float64)
 
     def survival(self, wave: PathWave, kind: IndexArray, throughput: Array) -> Array:
         """The factor (m,) by which throughputs (3, m) of paths along kinds of lobes grow; 0 for an end.
@@ -52,7 +43,8 @@ class PathSamples(NamedTuple):
         chance = np.minimum(throughput.max(axis=0) / SURE, 1.0)
         branch = (wave.depth[TOTAL] * 8 + kind).astype(np.uint32)
         branch ^= scramble(wave.hits.triangle.astype(np.uint32), SURVIVAL)
-        own = scramble(self.pixel[wave.pixel] ^ scramble(branch, SURVIVAL), SURVIVAL)
-        drawn = (own * 2.0**-32 + self.of(wave.pixel) * GOLDEN) % 1.0
+        samples = self.first.take(wave.pixel)
+        own = scramble(samples.place ^ scramble(branch, SURVIVAL), SURVIVAL)
+        drawn = (own * 2.0**-32 + samples.number * GOLDEN) % 1.0
         factor: Array = np.divide(drawn < chance, chance, out=np.zeros_like(chance), where=chance > 0.0)
         return factor

@@ -23,6 +23,7 @@ from ..materials.coefficients import MaterialCoefficients
 from ..materials.ggx_sampling import MIRROR_ROUGHNESS
 from ..nodes.light_path import DEPTH
 from ..passes.light_passes import LightParts
+from ..sampling.point_samples import PointSamples
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..typing import Single
@@ -82,29 +83,29 @@ class Tracer:
     def color(
         self,
         hits: Hits,
-        sample: int | IndexArray,
+        samples: PointSamples,
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        continuation: of their projectors. parts: of n hits, to be filled in.
+        samples, continuation: of the hits. parts: of n hits, to be filled in.
         """
         film = PathFilm(len(hits.t), parts is not None)
-        samples = PathSamples(continuation.pixel.astype(np.uint32), sample)
+        choices = PathSamples(samples)
         wave = PathWave.first(hits)
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
             if self.catchers:
-                wave = self._catch(wave, self.catchers, samples, film, continuation)
+                wave = self._catch(wave, self.catchers, choices, film, continuation)
             beyond = (wave.depth > self._limits).any(axis=0)
             if beyond.any():
                 kept = np.flatnonzero(self._shown_beyond(wave.hits.triangle) | ~beyond)
                 wave, beyond = wave.take(kept), beyond.take(kept)
             if not len(wave.pixel):
                 break
-            closures = self.lighting.gather(wave, beyond, samples, film)
-            wave = self._send(wave, closures, beyond, film, continuation, samples)
+            closures = self.lighting.gather(wave, beyond, choices, film)
+            wave = self._send(wave, closures, beyond, film, continuation, choices)
         if parts and film.parts:
             parts.rows[:] = film.parts.rows
         return film.image()
@@ -156,7 +157,7 @@ class Tracer:
         hits = came.hits
         surface = self.lighting.surface
         points = surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
-        left = catchers.left(points, samples.of(came.pixel))
+        left = catchers.left(points, samples.at(came, np.arange(len(came.pixel))))
         film.catch(came, catchers.shown(left, continuation, came.pixel), left)
         return wave.take(np.flatnonzero(~caught))
 

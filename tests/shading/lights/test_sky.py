@@ -110,7 +110,7 @@ def test_lamps_and_soft_light_add_up_to_the_world():
     assert lamps + even == pytest.approx(whole.sum(axis=(1, 2)), rel=1e-6)
     sun = whole.reshape(3, -1)[:, towards @ directions > np.cos(0.006)].sum(axis=1)
     assert lamps == pytest.approx(sun, rel=0.01)
-    places = SkyLight.of(light, 16).lamps[0].places
+    places = SkyLight.of(light, 16).lamps[0].sky
     assert (towards @ places).min() > np.cos(0.01)
     # Irradiance on any side is the sum over all directions.
     normals = np.random.default_rng(1).normal(size=(3, 10))
