@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bounce limits and film exposure, from Cycles' settings of the scene."""
+"""Limits of bounces and of light, and film exposure, from Cycles' settings of the scene."""
 
 from __future__ import annotations
 
 from ...projection.template_error import Message
 from ...shading.scene.shading_scene import LightPaths
 from ..blender import versions
-
-# The Indirect Light of Clamping in a new file: Cycles cuts off the brightest noise.
-USUAL_CLAMP = 10.0
 
 
 def read_bounces(scene) -> LightPaths:
@@ -21,6 +18,7 @@ def read_bounces(scene) -> LightPaths:
         glossy=cycles.glossy_bounces,
         transmission=cycles.transmission_bounces,
         transparent=versions.lit_behind_transparent(cycles.transparent_max_bounces),
+        clamp=cycles.sample_clamp_indirect,
     )
 
 
@@ -38,7 +36,6 @@ def unshown_settings(scene) -> tuple[str, ...]:
     render = scene.render
     names = {
         Message("Clamping of Direct Light"): cycles.sample_clamp_direct > 0.0,
-        Message("Clamping of Indirect Light"): 0.0 < cycles.sample_clamp_indirect < USUAL_CLAMP,
         Message("Transparent Glass"): cycles.film_transparent_glass and render.film_transparent,
         Message("Rolling Shutter"): render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
         Message("Culling of Simplify"): render.use_simplify and _culls(scene),

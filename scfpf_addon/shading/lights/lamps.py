@@ -27,6 +27,8 @@ from .beams import AreaBeam, Incidence, SphereBeam
 SMALLEST_BLEND = 1e-6
 # Strength and distance of a sun.
 FROM_A_SUN = np.ones(1, np.float32), np.full(1, np.inf, np.float32)
+# What the solid angle of a part of a lamp adds to GGX's α squared: about four samples fall into a highlight.
+BLUR = np.float32(1.0 / np.pi)
 # Rows and columns of the table of a sky's lamp.
 SKY_STEPS = 64
 # The random numbers of lamps that need none.
@@ -41,9 +43,10 @@ class Lamp:
     the distance 1. sides: (3, 2) width and height of an area lamp, or of a sun's disc at that distance.
     axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to those in the light's own
     space, where a spot's cone is round. softness: the squared radius of a point or spot, which lights as a
-    disc that faces the lit point, or as a sphere. shape: over which light comes from random places. beam: of
-    an area lamp of limited spread, or of a sphere. sky: (3, SKY_STEPS²) directions of a sky's lamp instead,
-    with equal light from each. occluders: the part of the scene that casts its shadows, None for all of it.
+    disc that faces the lit point, or as a sphere. shape: over which light comes from random places. part: the
+    area that one sample of a pixel stands for; of a sun at the distance 1. beam: of an area lamp of limited
+    spread, or of a sphere. sky: (3, SKY_STEPS²) directions of a sky's lamp instead, with equal light from
+    each. occluders: the part of the scene that casts its shadows, None for all of it.
     """
 
     light: Light
@@ -54,6 +57,7 @@ class Lamp:
     local: Single
     softness: np.float32
     shape: LampShape
+    part: float = 0.0
     beam: AreaBeam | SphereBeam | None = None
     sky: Single | None = None
     occluders: CastScene | None = None
@@ -80,7 +84,9 @@ class Lamp:
             shape, sides = "DISC" if light.ellipse else "SQUARE", axes[:, :2] * np.reshape(light.size, 2)
         else:
             strength = scale**2 / (4 * np.pi)
+        area = np.prod(np.linalg.norm(sides, axis=0)) * (np.pi / 4 if shape == "DISC" else 1.0)
         softness = np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0)
+        area += np.pi * softness
         beam: AreaBeam | SphereBeam | None = None
         if light.kind == "AREA" and light.spread < np.pi:
             beam = AreaBeam.of(light, placed, sharp)
@@ -95,6 +101,7 @@ class Lamp:
             local=np.linalg.pinv(axes / scale).astype(np.float32),
             softness=softness,
             shape="POINT" if sharp or not (sides.any() or softness) else shape,
+            part=0.0 if sharp else float(area) / samples,
             beam=beam,
         )
 
@@ -171,6 +178,15 @@ class Lamp:
         places: Single = self.middle + self.sides[:, :1] * along
         places += self.sides[:, 1:] * up
         return places
+
+    def blur(self, light: Incidence) -> Single:
+        """What is added to GGX's α squared of highlights, (N,) or (1,), of light that a sample stands for.
+
+        Facets that reflect less than that part of a lamp would be bright in few samples only: white speckles.
+        The more samples, the smaller the part.
+        """
+        blur: Single = np.minimum(light.strength * (np.float32(self.part) * BLUR), 1)
+        return blur
 
     def _from_sphere(self, beam: SphereBeam, position: Single, share: Single) -> Incidence:
         """``incidence`` of a spherical point or spot."""

@@ -155,7 +155,8 @@ class Lighting:
             lit.append((DIFFUSE, seen.diffuse * received * tint))
         if coefficients.glossy and lamp.light.specular:
             between = dot(points.view, light.direction)
-            density, cosine = ggx_reflection(cosine, seen.facing, between, seen.alpha)
+            alpha = seen.alpha + lamp.blur(light)
+            density, cosine = ggx_reflection(cosine, seen.facing, between, alpha)
             density *= received
             reflectance = coefficients.reflectance(points.material, cosine, seen.view)
             lit.append((SPECULAR, reflectance * density * tint))

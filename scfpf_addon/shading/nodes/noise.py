@@ -45,33 +45,46 @@ def _gradient(words: Words, parts: Sequence[Array]) -> Array:
     """Scalar product with a direction to the middle of a cube's edge, or a square's, chosen by the hash."""
     if len(parts) == 2:
         x, y = parts
-        low = (words & 7) < 4
+        low = (words & np.uint32(7)) < 4
         u, v = np.where(low, x, y), 2.0 * np.where(low, y, x)
     else:
         x, y, z = parts
-        h = words & 15
+        h = words & np.uint32(15)
         u = np.where(h < 8, x, y)
-        v = np.where(h < 4, y, np.where((h == 12) | (h == 14), x, z))
-    return np.where(words & 1, -u, u) + np.where(words & 2, -v, v)
+        # 12 and 14.
+        v = np.where(h < 4, y, np.where((h | np.uint32(2)) == 14, x, z))
+    for each, bit in ((u, 0), (v, 1)):
+        # The lowest bits of the hash become signs of floats.
+        signs = each.view(np.uint64)
+        signs ^= (words >> np.uint32(bit)).astype(np.uint64) << np.uint64(63)
+    u += v
+    return u
 
 
 def perlin(place: Array) -> Array:
     """Gradient noise in [-1, 1] at (2, n) or (3, n), (n,)."""
-    place = np.fmod(np.nan_to_num(place), PERIOD)
+    place = np.nan_to_num(place)
+    if np.abs(place).max(initial=0.0) >= PERIOD:
+        place = np.fmod(place, PERIOD)
     cell = np.floor(place)
     inside = place - cell
-    fade = inside**3 * (inside * (inside * 6.0 - 15.0) + 10.0)
-    corner = cell.astype(np.int64)
-    total = np.zeros(place.shape[1])
+    fade = inside * (inside * 6.0 - 15.0)
+    fade += 10.0
+    # Powers take longer than products.
+    for _ in range(3):
+        fade *= inside
     count = len(place)
+    keys = [(each, each + np.uint32(1)) for each in cell.astype(np.int64).astype(np.uint32)]
+    parts = [(each, each - 1.0) for each in inside]
+    values = []
     for number in range(1 << count):
         step = [number >> axis & 1 for axis in range(count)]
-        keys = [(corner[axis] + step[axis]).astype(np.uint32) for axis in range(count)]
-        share = np.ones(place.shape[1])
-        for axis in range(count):
-            share = share * (fade[axis] if step[axis] else 1.0 - fade[axis])
-        total += share * _gradient(hashed(*keys), [inside[axis] - step[axis] for axis in range(count)])
-    return total * RANGE[count]
+        words = hashed(*(key[way] for key, way in zip(keys, step, strict=True)))
+        values.append(_gradient(words, [part[way] for part, way in zip(parts, step, strict=True)]))
+    for share in fade:
+        values = [low + (high - low) * share for low, high in zip(values[::2], values[1::2], strict=True)]
+    total: Array = values[0] * RANGE[count]
+    return total
 
 
 def fractal(place: Array, detail: Array, roughness: Array, lacunarity: Array, normalise: bool) -> Array:

@@ -21,13 +21,22 @@ LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
 @dataclass(frozen=True)
 class LightPaths:
     """Limits of bounces: in total, glossy, through refraction, and through transparency, which is not in the
-    total. One bounce beyond a limit sees only emission and the world.
+    total. One bounce beyond a limit sees only emission and the world. clamp: the most light that a hit adds
+    to a pixel sample after a bounce, the mean of its channels; 0 for no limit.
     """
 
     total: int = 12
     glossy: int = 4
     transmission: int = 12
     transparent: int = 8
+    clamp: float = 0.0
+
+    def clamping(self, light: Array, indirect: BoolArray) -> Array:
+        """The factors (n,) that limit light (3, n), as Cycles clamps indirect light."""
+        mean = light.sum(axis=0) / 3.0
+        beyond = indirect & (mean > self.clamp) & (self.clamp > 0.0)
+        factors: Array = np.divide(self.clamp, mean, out=np.ones_like(mean), where=beyond)
+        return factors
 
 
 @dataclass(frozen=True)

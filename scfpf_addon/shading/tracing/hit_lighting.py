@@ -13,13 +13,14 @@ from ..lights.lighting import Lighting
 from ..materials.coefficients import MaterialCoefficients, by_material
 from ..materials.lobes import bodies
 from ..nodes.context import ShadingContext
-from ..passes.light_passes import EMISSION
+from ..passes.light_passes import COLORS, EMISSION, LightParts
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfacePoints, SurfaceTable
+from ..typing import Single
 from ..vectors import dot_row, unit
 from .closure_table import ClosureTable, HitClosures
 from .path_samples import PathSamples
-from .path_wave import PathFilm, PathWave
+from .path_wave import TOTAL, PathFilm, PathWave
 
 
 class _Bodies(NamedTuple):
@@ -141,4 +142,28 @@ class HitLighting:
             else:
                 own = samples.at(wave, some.where)
                 color = self.lighting.radiance(some.points, some.coefficients, own, parts, share.max(axis=0))
+            color = self._clamped(color, some, share, wave.depth[TOTAL].take(some.where), parts)
             film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))
+
+    def _clamped(
+        self, color: Single, bodies: _Bodies, share: Array, bounce: Array, parts: LightParts | None
+    ) -> Single:
+        """Radiance (3, n) that is limited as Cycles limits indirect light; parts: of it.
+
+        share: (3, n) of it that a pixel sees after bounces (n,). What a mirror shows of an emitter is direct.
+        """
+        limits = self.scene.bounces
+        if limits.clamp <= 0.0 or not bounce.any():
+            return color
+        own = by_material(bodies.coefficients.emission, bodies.points.material)
+        emission = np.broadcast_to(own, color.shape)
+        lit = color - emission
+        lamps, emitters = (
+            limits.clamping(share * light, bounce > least).astype(np.float32)
+            for light, least in ((lit, 0), (emission, 1))
+        )
+        if parts:
+            parts.rows[:COLORS] *= lamps
+            parts.rows[EMISSION] = emission * emitters
+        clamped: Single = lit * lamps + emission * emitters
+        return clamped

@@ -25,7 +25,7 @@ from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
 from .closure_table import HitClosures
 from .path_samples import PathSamples
-from .path_wave import PathWave
+from .path_wave import TOTAL, PathWave
 
 # Kinds of lobes: straight through, into glass, off glass, off metal, off a dielectric layer.
 CLEAR, REFRACTED, MIRRORED, METAL, LAYER = range(5)
@@ -108,7 +108,7 @@ class LobeSampler:
         some = slice(second, third)
         direction[:, some] = mirrored(direction[:, some], normal[:, some], flat[:, some])
         some = slice(third, None)
-        place = samples.facets(wave, np.arange(third, len(lobes.kind)))
+        place = samples.facets(wave.pixel[some], wave.depth[TOTAL, some])
         rows = closures.rows.take(np.arange(third, len(lobes.kind)))
         reflectance = RoughReflectance.of(rows, fourth - third)
         ahead = direction[:, some]

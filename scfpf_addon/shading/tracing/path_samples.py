@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
+from ..materials.ggx_sampling import R2_STEP
 from ..sampling.point_samples import PointSamples
 from ..sampling.sample_positions import scramble
 from ..sampling.sample_sets import GOLDEN
 from .path_wave import TOTAL, TRANSPARENT, PathWave
 
-# The dimensions of the scrambles of rough reflections and of survival.
+# The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
 REFLECTION, SURVIVAL = 6, 7
 # The throughput below which paths survive at random, in proportion to it: less than what a window or a coat
 # reflects, so that only reflections of reflections have noise.
@@ -31,9 +32,17 @@ class PathSamples(NamedTuple):
         seed = depth[TOTAL] << np.uint32(16) | depth[TRANSPARENT]
         return self.first.take(wave.pixel.take(which))._replace(seed=seed)
 
-    def facets(self, wave: PathWave, which: IndexArray) -> Array:
-        """Random numbers (2, m) in [0, 1) of the facets of rough reflections."""
-        return self.at(wave, which).shares(REFLECTION).of(REFLECTION).astype(np.float64)
+    def facets(self, which: IndexArray, depth: IndexArray) -> Array:
+        """(2, m) in [0, 1) for rough reflections of pixel samples, after ``depth`` (m,) scattering events.
+
+        A pixel's samples fill the square evenly; each pixel and depth begins its sequence elsewhere.
+        """
+        samples = self.first.take(which)
+        own = scramble(samples.place ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
+        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
+        step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
+        share: Array = (start + samples.number * step) % 1.0
+        return share
 
     def survival(self, wave: PathWave, kind: IndexArray, throughput: Array) -> Array:
         """The factor (m,) by which throughputs (3, m) of paths along kinds of lobes grow; 0 for an end.

@@ -236,7 +236,9 @@ class Tracer:
     def _miss(self, wave: PathWave, film: PathFilm) -> None:
         """Add the world's light to paths that leave the scene."""
         clear = ~wave.on_ray if self.transparent else np.zeros(len(wave.pixel), bool)
-        film.miss(wave, self._world(wave) * (wave.on_ray | self.scene.world_seen), clear)
+        light = self._world(wave) * (wave.on_ray | self.scene.world_seen)
+        light *= self.scene.bounces.clamping(wave.throughput * light, wave.depth[TOTAL] > 1)
+        film.miss(wave, light, clear)
 
     def _world(self, wave: PathWave) -> Array:
         """Radiance of the world along paths that leave the scene, (3, n) or (3, 1)."""

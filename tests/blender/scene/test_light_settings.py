@@ -297,6 +297,32 @@ def test_settings_for_cycles_that_change_images_are_named(stage, read_render):
     assert all(word in text for word, text in zip(words, found, strict=True))
 
 
+@pytest.mark.parametrize("clamp", [0.0, 1.0])
+def test_clamping_limits_what_reflections_show_as_in_cycles(clamp, stage, tmp_path):
+    """A mirror before a wall in bright sun, which is limited, and before a glow, which is seen directly."""
+    mirror = colored((0.9, 0.9, 0.9), "BsdfGlossy")
+    mirror.node_tree.nodes["Glossy BSDF"].inputs["Roughness"].default_value = 0.0
+    for thing in bpy.data.objects:
+        if thing.type == "MESH":
+            thing.data.materials[0] = mirror
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    for place, made in ((-0.5, colored((0.8, 0.4, 0.2))), (0.5, colored((3.0, 6.0, 9.0), "Emission"))):
+        bpy.ops.mesh.primitive_plane_add(size=1, location=(place, 0.8, 0.5), rotation=(np.pi / 2, 0, 0))
+        bpy.context.object.data.materials.append(made)
+    lamp("POINT", height=0.5, energy=80.0)
+    camera = stage.camera
+    camera.location, camera.rotation_euler = (0.0, -2.5, 1.2), (1.2, 0, 0)
+    camera.scfpf.samples, stage.cycles.samples, stage.cycles.max_bounces = 16, 64, 2
+    stage.cycles.diffuse_bounces, stage.cycles.sample_clamp_indirect = 0, clamp
+    # In the middle the lamp's own highlight is on the mirror, which Cycles has none of.
+    columns = np.r_[:8, 13:SIZE]
+    ours, cycles = (image[: SIZE * 2 // 5, columns, :3] for image in both(stage, tmp_path))
+    assert ours.mean(axis=(0, 1)) == pytest.approx(cycles.mean(axis=(0, 1)), rel=0.03)
+    wall, glow = ours[:, :8].max(axis=(0, 1)), ours[:, 8:].max(axis=(0, 1))
+    assert glow == pytest.approx([2.7, 5.4, 8.1], rel=0.02)
+    assert wall.mean() == pytest.approx(1.0, abs=0.06) if clamp else wall.mean() > 1.5
+
+
 def test_a_scene_that_only_glowing_objects_light_is_named(stage, read):
     def dark():
         return [line for line in read().warnings if line.startswith("Nothing lights the scene")]

@@ -60,6 +60,30 @@ def test_a_glow_is_reflected_as_by_cycles(name, tmp_path):
     assert np.abs(ours - cycles).mean() < 0.12 * cycles.mean()
 
 
+@pytest.mark.parametrize("roughness", [0.06, 0.12, 0.2])
+def test_a_soft_lamp_makes_no_speckles_on_paint(roughness, tmp_path):
+    """The highlight of an area lamp on a ball, at the samples of a new camera, beside one of many samples."""
+    scene = scene_with_camera(45)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=1.0)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(
+        shader("BsdfPrincipled", Base_Color=(0.0, 0.0, 0.0), Metallic=0.0, Roughness=roughness)
+    )
+    scene.camera.location, scene.camera.rotation_euler = (0, 0, 6), (0, 0, 0)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
+    lamp.location, lamp.data.size, lamp.data.energy = (1.5, 1.5, 4.0), 2.0, 400.0
+    scene.collection.objects.link(lamp)
+    cycles = scene.cycles
+    scene.camera.scfpf.samples, cycles.samples, cycles.max_bounces = 4, 256, 0
+    cycles.use_denoising, cycles.use_adaptive_sampling = False, False
+    cycles.sample_clamp_indirect, cycles.blur_glossy = 0.0, 0.0
+    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    ours, cycles = (image[..., :3].mean(axis=2) for image in both(scene, tmp_path))
+    assert ours.mean() == pytest.approx(cycles.mean(), rel=0.01)
+    assert ours.max() < cycles.max(), "no sample is brighter than the lamp"
+    assert np.sqrt(np.mean((ours - cycles) ** 2)) < 0.036
+
+
 # What is dark beside light of strength 1.
 DARK = 0.01
 # Roughness, index of refraction, metallic, base colour.
