@@ -27,13 +27,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.real import real_scenes
 from benchmarks.real.blender_apart import run_apart
-from benchmarks.real.real_scenes import SCENES
+from benchmarks.real.foreign_scenes import FOREIGN
 from scfpf_addon import bridge
 from scfpf_addon.bridge.render.type_registration import register_types, unregister_types
 from scfpf_addon.cycles import rig, rig_properties
 from scfpf_addon.projection.typing import Array
 
 SECTION = "real scenes"
+SCENES = real_scenes.SCENES | FOREIGN
 # Limits of bounces.
 BOUNCES = {"no bounces": 0, "default bounces": 12}
 ENGINE, CAMERA, RIG = "engine", "camera", "rig"
@@ -117,7 +118,7 @@ def measure_apart(path: Path, subject: str, bounces: int, percentage: float) -> 
 def compare(name: str, folder: Path, percentage: float) -> dict[str, dict[str, Figures]]:
     """The figures of each subject that shows a scene, by bounces."""
     path = folder / "real.blend"
-    real_scenes.write(name, path)
+    real_scenes.write(name, path, SCENES)
     subjects = (ENGINE, *[CAMERA] * SCENES[name].ordinary, RIG)
     return {
         limit: {each: measure_apart(path, each, bounces, percentage) for each in subjects}

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -251,7 +251,7 @@ SCENES = {
 }
 
 
-def write(name: str, path: Path) -> None:
-    """Save one of SCENES."""
+def write(name: str, path: Path, scenes: Mapping[str, RealScene] = SCENES) -> None:
+    """Save one of the scenes."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    SCENES[name].write(path)
+    scenes[name].write(path)

@@ -176,4 +176,5 @@ def report_of(
         triangles=len(scene.geometry.triangles),
         built=len(cast_scene.triangles) if cast_scene else 0,
         peak_memory=peak_memory(),
+        shaded=pipeline.shaded / hits if hits else 0.0,
     )

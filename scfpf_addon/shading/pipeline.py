@@ -81,6 +81,12 @@ class Pipeline:
         )
 
     @property
+    def shaded(self) -> int:
+        """The surfaces that paths have met so far, see ``Tally``."""
+        found = {id(view.shading): view.shading for view in (self.view, *self.caster.views)}
+        return sum(each.tracer.tally.shaded for each in found.values() if each and each.tracer)
+
+    @property
     def empty_color(self) -> Array:
         """The colour (3,) of the image where nothing is hit."""
         return self.background if self.settings.paper is None else self.settings.paper

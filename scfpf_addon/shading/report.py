@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# The surfaces shaded a projector beyond which Cycles takes less time for the same samples, by scenes of
+# ``benchmarks/real``: the street has fewer, all others more.
+SLOW_PATHS = 1.3
+
 
 @dataclass(frozen=True)
 class RenderReport:
@@ -18,7 +22,8 @@ class RenderReport:
     (``projection.volume.folds``). mirrored: whether the image of the rest is mirrored. exact: whether hits
     are those of the curves themselves. tests: intersections of curves and triangles for that. triangles: of
     the scene. built: those that the volume can meet. peak_memory: the most bytes that the whole process has
-    held so far; 0 if unknown.
+    held so far; 0 if unknown. shaded: surfaces that paths meet, twice those whose nodes are evaluated there,
+    per projector that hits; 0 where paths end at once.
     """
 
     width: int
@@ -38,6 +43,7 @@ class RenderReport:
     triangles: int = 0
     built: int = 0
     peak_memory: int = 0
+    shaded: float = 0.0
 
     @property
     def chords_per_projector(self) -> float:
@@ -77,6 +83,8 @@ class RenderReport:
             parts.append(f"{_short(self.built)} of {_short(self.triangles)} triangles in reach")
         if self.peak_memory:
             parts.append(f"memory up to {_short(self.peak_memory)}B")
+        if self.shaded > SLOW_PATHS:
+            parts.append("Cycles is faster at these samples")
         return " · ".join(parts)
 
     def summary(self) -> str:

@@ -36,8 +36,12 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
         "Pattern",
         "Placement of the samples of neighboring pixels, which Adaptive Sampling always scrambles",
         items=(
-            ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
-            ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
+            ("SAME", "Same in All Pixels", "Edges without noise, in as many steps as there are samples"),
+            (
+                "SCRAMBLED",
+                "Scrambled",
+                "Sobol points, in another order in each pixel: fine noise at edges, no steps",
+            ),
         ),
         default="SAME",
     )

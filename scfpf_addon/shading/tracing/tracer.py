@@ -7,7 +7,7 @@ projector; mirrors and glass send it on along straight rays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -45,12 +45,28 @@ DEEPER[TRANSMISSION, REFRACTED] = 1
 DEEPER[GLOSSY, [MIRRORED, METAL, LAYER]] = 1
 
 
+class Tally:
+    """Counts the surfaces that paths meet, and those whose nodes are evaluated there, by several threads."""
+
+    def __init__(self) -> None:
+        self._counts: list[tuple[int, int]] = []
+
+    def add(self, met: int, evaluated: int) -> None:
+        """Add the counts of a wave."""
+        self._counts.append((met, evaluated))
+
+    @property
+    def shaded(self) -> int:
+        """The surfaces, twice those whose nodes are evaluated."""
+        return sum(map(sum, self._counts))
+
+
 @dataclass(frozen=True)
 class Tracer:
     """Traces the paths of a scene with node graphs.
 
     transparent: whether paths that leave the scene on their projector make the image transparent.
-    catchers: None without shadow catchers.
+    catchers: None without shadow catchers. tally: of all paths.
     """
 
     scene: Scene
@@ -58,6 +74,7 @@ class Tracer:
     sampler: LobeSampler
     transparent: bool
     catchers: Catchers | None = None
+    tally: Tally = field(default_factory=Tally)
 
     @classmethod
     def of(
@@ -104,6 +121,8 @@ class Tracer:
                 wave, beyond = wave.take(kept), beyond.take(kept)
             if not len(wave.pixel):
                 break
+            kind = self.lighting.closures.kind.take(self._material(wave.hits.triangle))
+            self.tally.add(len(kind), int(np.count_nonzero(kind >= 0)))
             closures = self.lighting.gather(wave, beyond, choices, film)
             wave = self._send(wave, closures, beyond, film, continuation, choices)
         if parts and film.parts:

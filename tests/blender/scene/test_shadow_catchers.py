@@ -88,7 +88,7 @@ def test_suns_and_points_leave_their_shadow_in_alpha(stage, tmp_path):
 
 def test_soft_and_coloured_shadows_of_several_lamps_and_the_sky(stage, tmp_path):
     """The pass by colour, and the image without it; a wall that catches shadows casts none."""
-    stage.camera.scfpf.samples, stage.cycles.samples = 8, 64
+    stage.camera.scfpf.samples, stage.cycles.samples = 16, 64
     stage.render.resolution_percentage = 67
     shine(stage, 1.0)
     lamp("SUN", 1.5, (1.0, 0.5, 0.2), rotation=(-0.7, 0.6, 0), angle=0.1)

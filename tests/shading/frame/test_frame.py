@@ -286,6 +286,8 @@ def test_summary_lines():
     straight = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0)
     assert straight.summary() == "1920×1080 in 0.41 s · 2.1 M rays · straight projectors"
     mirrored = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0, True)
+    slow = replace(straight, shaded=2.0)
+    assert slow.statistics() == straight.statistics() + " · Cycles is faster at these samples"
     assert mirrored.outcome() == "1920×1080 in 0.41 s · mirrored"
     assert mirrored.statistics() == straight.statistics() == "2.1 M rays · straight projectors"
     curved = RenderReport(100, 50, 61.234, 0.1, False, 5000, 61000, 36000, 0.7, 0.0987, 0.124)
