@@ -107,8 +107,7 @@ def _cast_tile(tile: _Tile, pixel_error: float, counts: CastCounts, weighted: bo
         return _cast_curved(tile, max(pixel_error, SMALLEST_ERROR), counts)
     points, mask, farthest = usable_projectors(projection, x, y)
     if pixel_error > 0.0 and spans.is_straight:
-        reach = None if farthest <= FAR else scene_reach(spans, points, scene)
-        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
+        return cast_straight(scene, points, mask, farthest > FAR, counts, weighted)
     counts.projectors += int(np.count_nonzero(mask))
     batch = ProjectorBatch(spans, points)
     if pixel_error == 0.0:

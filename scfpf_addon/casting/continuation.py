@@ -26,7 +26,7 @@ from .curves.sampled_curves import sample_curves
 from .curves.schedule import corners, plan, scene_reach
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
-from .straight import END_SLACK, OFF_VERTICES, cast_straight
+from .straight import END_SLACK, cast_straight
 
 # A projector continues off the triangle that it passed, but at most this far in t if it grazes it.
 LARGEST_STEP = 1e-4
@@ -80,7 +80,7 @@ class TileProjectors:
         if spans.is_straight or (spans.is_bezier and self.pixel_error == 0.0):
             rest = restrict(batch.points, start, np.ones_like(start))
             if spans.is_straight:
-                found = cast_straight(self.scene, rest, going, (0.0, 1.0), CastCounts())
+                found = cast_straight(self.scene, rest, going, False, CastCounts())
             else:
                 found = cast_exact(self.scene, ProjectorBatch(spans, rest), going, None, CastCounts())
             found = found._replace(t=start + found.t * (1.0 - start))
@@ -90,9 +90,9 @@ class TileProjectors:
 
     def _start(self, batch: ProjectorBatch, t: Array, triangle: IndexArray) -> Array:
         """The t (n,) at which the projectors have left the triangles."""
-        tangent = batch.at(t)[1]
+        position, tangent = batch.at(t)
         speed = np.abs(np.einsum("cn,cn->n", self.scene.normals(triangle), tangent))
-        off = self.scene.offsets(triangle).astype(np.float64)
+        off = self.scene.offsets(triangle, position).astype(np.float64)
         start: Array = t + np.divide(
             off, speed, out=np.full_like(off, LARGEST_STEP), where=speed * LARGEST_STEP > off
         )
@@ -241,10 +241,8 @@ def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:
     Their t is in units of BEYOND. They do not meet the scene's triangles ``beyond``.
     """
     count = origins.shape[1]
-    # Casting moves rays by a rounding of the scene's size, which would take them back through small things.
-    start = origins - OFF_VERTICES
-    points = np.stack([start, start + directions * BEYOND])
-    return cast_straight(scene, points, np.ones(count, bool), (0.0, 1.0), CastCounts())
+    points = np.stack([origins, origins + directions * BEYOND])
+    return cast_straight(scene, points, np.ones(count, bool), False, CastCounts())
 
 
 def first_triangles(scene: CastScene, origins: Array, directions: Array) -> NDArray[np.int32]:

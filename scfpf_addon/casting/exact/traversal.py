@@ -16,6 +16,7 @@ from ..curves.plane_hits import T_ROUNDING, Solutions, solve
 from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
 from ..scene.prisms import PrismScene
+from ..straight import entry
 
 # Traversal restarts this far, in cast units, past the face it has met: 32 roundings (2⁻²⁴)
 # of a coordinate of 1, so that it does not meet the face again.
@@ -23,9 +24,6 @@ RESTART = 2e-6
 
 # Shorter vectors than this have no direction.
 SHORTEST = 1e-300
-
-# The part of a chord farther than this, in cast units, from the prisms' box is skipped.
-BORDER = 1e-3
 
 # Fewer rays than this are cast with all their remaining chords at once, those past a face in vain: to
 # step through the chords costs more. At most so many chords then.
@@ -79,16 +77,12 @@ class Traversal(NamedTuple):
                 start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
             )
         # From where the chord enters the box of all prisms.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            inverse = 1.0 / way
-            lower, upper = self.prisms.lower[:, None] - BORDER, self.prisms.upper[:, None] + BORDER
-            sides = np.fmin((lower - start) * inverse, (upper - start) * inverse)
-            skipped = np.clip(np.nan_to_num(sides, nan=0.0).max(axis=0), 0.0, 2.0)
-            found, far = self.prisms.trace(
-                (start + way * skipped).astype(np.float32),
-                way.astype(np.float32),
-                (limits - skipped).astype(np.float32),
-            )
+        skipped = entry(start, way, self.prisms.lower, self.prisms.upper)
+        found, far = self.prisms.trace(
+            (start + way * skipped).astype(np.float32),
+            way.astype(np.float32),
+            (limits - skipped).astype(np.float32),
+        )
         return found, far + skipped
 
 

@@ -15,9 +15,11 @@ from ...projection.typing import Array, BoolArray, Float32Array
 from ..common.cancellation import raise_if_cancelled, uncancellable
 from ..common.geometry import renumbered
 from ..common.parallel import beside
+from .cast_space import CastSpace
 from .cast_triangles import CastTriangles
 from .clipped_triangles import enclosed_mesh
 from .embreex import load_embreex
+from .graded_triangles import graded_mesh
 from .occupancy import MOST_CELLS, SLACK, Occupancy
 from .prisms import Prisms, PrismScene, require_room_for_prisms
 from .traced_mesh import TracedMesh
@@ -52,7 +54,7 @@ class CastScene(CastTriangles):
         vertices: Array,
         triangles: NDArray[np.int32],
         beyond: Beyond | None = None,
-        space: tuple[Array, float] | None = None,
+        space: CastSpace | None = None,
     ) -> None:
         load_embreex()
         _keep_freed_memory()
@@ -80,7 +82,7 @@ class CastScene(CastTriangles):
             self._beyond = beside(self._build_mesh, lambda: self._placed_beyond(*beyond()))
 
     def _build_mesh(self) -> None:
-        self.mesh = TracedMesh(self.vertices, self.triangles, self.usable)
+        self.mesh: TracedMesh = graded_mesh(self.vertices, self.triangles, self.usable, self.core)
 
     def only(self, kept: BoolArray | None) -> CastScene | None:
         """Return a scene of the same triangles, by the same indices, of which only ``kept`` (T,) can be hit.
@@ -229,7 +231,7 @@ class CastScene(CastTriangles):
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond
-                self._beyond_mesh = TracedMesh(vertices, triangles, np.ones(len(triangles), bool))
+                self._beyond_mesh = graded_mesh(vertices, triangles, np.ones(len(triangles), bool), self.core)
                 self._beyond = None
             return self._beyond_mesh
 

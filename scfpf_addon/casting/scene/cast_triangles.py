@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.arrays import median
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.hits import CastError, NothingToCastAt
 from ..common.parallel import chunks, parallel_map
+from .cast_space import CastSpace
 from .neighbours import edge_neighbours
 
 # A larger coordinate cannot be squared twice in float64; it counts as not finite.
@@ -32,8 +32,9 @@ FLATTEST = 1e-12
 # and the ray's origin. After Wächter & Binder, Ray Tracing Gems (2019), ch. 6.
 ORIGIN_OFFSET = 2.0**-18
 
-# Vertices whose median stands for that of all.
-ENOUGH_FOR_MEDIAN = 1 << 15
+# A piece of a large triangle (``graded_triangles``) reaches at most this many times as far from the origin as
+# any of its points, or as the core.
+PIECE_REACH = 4.0
 
 
 class SharedWeights:
@@ -49,10 +50,10 @@ class CastTriangles:
 
     vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with a vertex that is not
     finite and those without area are unusable: never hit. All triangles keep their indices.
-    space: centre and scale of another scene, whose cast space these triangles share; None for their own.
+    space: that of another scene, which these triangles share; None for their own.
     Raises CastError for an index out of range, NothingToCastAt if no triangle is usable.
 
-    centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4), world to cast space.
+    centre, scale, core: see ``CastSpace``, also ``space``. matrix: (4, 4), world to cast space.
     vertices: (3, V) in cast space. lower, upper: (3,) bounds in cast space, within [-1, 1] in a
     space of their own.
     usable: (T,). planes: (4, T) unit normal and offset, so that planes[:3]·p + planes[3] is the
@@ -63,7 +64,7 @@ class CastTriangles:
         self,
         vertices: Array,
         triangles: NDArray[np.int32],
-        space: tuple[Array, float] | None = None,
+        space: CastSpace | None = None,
     ) -> None:
         vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
@@ -80,16 +81,22 @@ class CastTriangles:
         self._neighbours: NDArray[np.int32] | None = None
         self._tables_lock = Lock()
         self._place(vertices, finite, space)
-        self._measure()
+        sizes = self._measure()
+        if space is None and self.usable.any():
+            better = self.space.with_core(vertices, self.triangles, self.usable, sizes)
+            if better:
+                self._place(vertices, finite, better)
+                self._measure()
         self._weights = SharedWeights(self.usable)
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
 
-    def _place(self, vertices: Array, finite: BoolArray, space: tuple[Array, float] | None) -> None:
+    def _place(self, vertices: Array, finite: BoolArray, space: CastSpace | None) -> None:
         """Choose cast space, unless it is given, and transform the vertices into it."""
         used = np.zeros(len(vertices), bool)
         used[self.triangles if self.usable.all() else self.triangles[self.usable]] = True
-        self.centre, self.scale = space or _cast_space(vertices if used.all() else vertices[used])
+        self.space = space or CastSpace.around(vertices if used.all() else vertices[used])
+        self.centre, self.scale, self.core = self.space
         self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
         self.matrix[:3, 3] = -self.scale * self.centre
         # Vertices of no usable triangle stay at the origin.
@@ -101,8 +108,9 @@ class CastTriangles:
         self.lower: Array = self.vertices.min(axis=1)
         self.upper: Array = self.vertices.max(axis=1)
 
-    def _measure(self) -> None:
-        """Compute the planes; triangles without area become unusable."""
+    def _measure(self) -> NDArray[np.float32]:
+        """Compute the planes; triangles without area become unusable. Returns the triangles' sizes, (T,)."""
+        sizes = np.empty(len(self.usable), np.float32)
         self.planes: Array = np.empty((4, len(self.usable)))
         self._largest = np.empty(len(self.usable), np.float32)
         largest = np.abs(self.vertices).max(axis=0).astype(np.float32)
@@ -114,6 +122,7 @@ class CastTriangles:
             normal = _cross(along, across)
             area = np.einsum("ct,ct->t", normal, normal)
             longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
+            sizes[some] = np.sqrt(longest)
             self.usable[some] &= area > (FLATTEST * longest) ** 2
             normal *= np.sqrt(_inverse(area, self.usable[some]))
             _fill(self.planes[:, some], normal, first)
@@ -121,6 +130,7 @@ class CastTriangles:
             np.maximum(np.maximum(reach[0], reach[1]), reach[2], out=self._largest[some])
 
         parallel_map(measure, chunks(len(self.usable)))
+        return sizes
 
     def _corners_of(self, some: slice) -> IndexArray:
         """The vertices of a chunk of triangles, (3, n), in the layout that NumPy indexes fastest with."""
@@ -211,33 +221,21 @@ class CastTriangles:
     def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
         """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).
 
-        They are moved off the triangle's plane to the side of ``directions`` (3, N), by ORIGIN_OFFSET of
-        the triangle's largest coordinate.
+        They are moved off the triangle's plane to the side of ``directions`` (3, N), by ``offsets``.
         """
         normal = self.normals(triangles)
-        side = np.copysign(ORIGIN_OFFSET, np.einsum("cn,cn->n", normal, directions))
-        origins: Array = positions + normal * (side * self._largest.take(triangles))
+        side = np.copysign(self.offsets(triangles, positions), np.einsum("cn,cn->n", normal, directions))
+        origins: Array = positions + normal * side
         return origins
 
-    def offsets(self, triangles: IndexArray) -> Float32Array:
-        """The distances by which ``offset_origins`` moves origins off ``triangles`` (N,), (N,) float32."""
+    def offsets(self, triangles: IndexArray, positions: NDArray[Any]) -> Float32Array:
+        """The distances (N,) by which rays from ``positions`` (3, N) are moved off ``triangles`` (N,)."""
         offsets: Float32Array = self._largest.take(triangles, mode="wrap")
+        if self.core < np.inf:
+            reach = np.abs(positions).max(axis=0).astype(np.float32)
+            np.minimum(offsets, PIECE_REACH * np.maximum(reach, np.float32(self.core)), out=offsets)
         offsets *= np.float32(ORIGIN_OFFSET)
         return offsets
-
-
-def _cast_space(points: Array) -> tuple[Array, float]:
-    """The centre (3,) and the scale of cast space for points (N, 3)."""
-    # The median, not the middle of the bounds: float32 is finest at the origin, which should lie
-    # among the objects and not in the middle of a sky. A subset determines it well enough.
-    some = points[:: 1 + len(points) // ENOUGH_FOR_MEDIAN]
-    centre: Array = np.array([median(places) for places in some.T])
-    # Axis by axis: NumPy takes several times as long for all three at once.
-    reach = max(
-        float(max(places.max() - middle, middle - places.min()))
-        for places, middle in zip(points.T, centre, strict=True)
-    )
-    return centre, 1.0 / reach if reach > 0.0 else 1.0
 
 
 def _inverse(area: Array, usable: BoolArray) -> Array:

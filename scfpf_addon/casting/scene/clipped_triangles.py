@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..common.geometry import renumbered
 from .cast_triangles import CastTriangles
+from .graded_triangles import graded, has_long_edges, mesh_with_pieces
 from .traced_mesh import TracedMesh
 
 
@@ -20,18 +20,13 @@ def enclosed_mesh(
     triangles by their numbers in the scene.
     """
     corners = scene.corners_at(which)
-    inside = ((corners >= lower[:, None]) & (corners <= upper[:, None])).all(axis=(0, 1))
-    whole, cut = which[inside], which[~inside]
-    pieces, owner = clipped(corners[:, :, ~inside], lower, upper)
-    used, faces = renumbered(scene.triangles[whole], scene.vertices.shape[1])
-    more = np.arange(3 * pieces.shape[2], dtype=np.int32).reshape(-1, 3) + np.int32(len(used))
-    mesh = TracedMesh(
-        np.concatenate([scene.vertices[:, used], pieces.transpose(1, 2, 0).reshape(3, -1)], axis=1),
-        np.concatenate([faces, more]),
-        np.ones(len(faces) + len(more), bool),
-        np.concatenate([whole, cut[owner]]),
-    )
-    return mesh, np.concatenate([corners[:, :, inside], pieces], axis=2)
+    whole = ((corners >= lower[:, None]) & (corners <= upper[:, None])).all(axis=(0, 1))
+    whole &= ~has_long_edges(corners, scene.core)
+    pieces, owner = clipped(corners[:, :, ~whole], lower, upper)
+    pieces, of_piece = graded(pieces, scene.core)
+    owner = which[~whole][owner[of_piece]]
+    mesh = mesh_with_pieces(scene.vertices, scene.triangles, which[whole], pieces, owner)
+    return mesh, np.concatenate([corners[:, :, whole], pieces], axis=2)
 
 
 def clipped(corners: Array, lower: Array, upper: Array) -> tuple[Array, IndexArray]:

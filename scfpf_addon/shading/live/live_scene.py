@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...casting.common.geometry import Geometry, Layer
 from ...casting.common.hits import NothingToCastAt
 from ...casting.scene.cast_scene import CastScene
+from ...casting.scene.cast_space import CastSpace
 from ...projection.typing import Array, BoolArray
 from ..typing import Single
 from .two_parts import StillPart, TwoPartScene
@@ -94,7 +95,7 @@ class LiveScene:
     tables: LiveTables | None
 
     @classmethod
-    def built(cls, geometry: Geometry, space: tuple[Array, float] | None = None) -> LiveScene:
+    def built(cls, geometry: Geometry, space: CastSpace | None = None) -> LiveScene:
         """Build a geometry. space: the cast space of another scene, None for its own. Raises CastError."""
         try:
             cast_scene = CastScene(geometry.vertices, geometry.triangles, space=space)
@@ -120,7 +121,7 @@ class StillScene:
         scene = part.scene
         moving = LiveScene(None, None)
         if geometry is not None:
-            moving = LiveScene.built(geometry, (scene.centre, scene.scale))
+            moving = LiveScene.built(geometry, scene.space)
         both = TwoPartScene(part, moving.cast_scene)
         if moving.tables is None:
             return LiveScene(both, whole.tables)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...casting.scene.cast_scene import MOST_PARTS, CastScene
 from ...casting.scene.cast_triangles import SharedWeights
+from ...casting.scene.graded_triangles import graded_mesh
 from ...casting.scene.occupancy import Occupancy
 from ...casting.scene.traced_mesh import TracedMesh
 from ...projection.typing import Array, BoolArray, Float32Array
@@ -82,7 +83,9 @@ class StillPart:
     def __init__(self, scene: CastScene, kept: BoolArray) -> None:
         self.scene, self.usable = scene, scene.usable & kept
         whole = self.usable.sum() == scene.usable.sum()
-        self.mesh = scene.mesh if whole else TracedMesh(scene.vertices, scene.triangles, self.usable)
+        self.mesh = scene.mesh
+        if not whole:
+            self.mesh = graded_mesh(scene.vertices, scene.triangles, self.usable, scene.core)
         self._parts: dict[bytes, StillPart] = {}
 
     def only(self, kept: BoolArray) -> StillPart:
@@ -109,7 +112,8 @@ class TwoPartScene(CastScene):
         self._tables_lock, self._lock = Lock(), Lock()
         self._neighbours: NDArray[np.int32] | None = None
         self._occupancy: Occupancy | None = None
-        self.centre, self.scale, self.matrix = scene.centre, scene.scale, scene.matrix
+        self.space, self.matrix = scene.space, scene.matrix
+        self.centre, self.scale, self.core = scene.space
         self.lower = np.stack([part.lower for part in self._parts_of_it]).min(axis=0)
         self.upper = np.stack([part.upper for part in self._parts_of_it]).max(axis=0)
         self.mesh, self.planes = still.mesh, scene.planes

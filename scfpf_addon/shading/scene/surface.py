@@ -143,7 +143,7 @@ class SurfaceTable:
             if self.bulge is not None and barycentric is not None:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             # As ``offset_origins``: float32's rounding is far less than the offset.
-            shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle), flat, height)
+            shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle, place), flat, height)
         material = self.material.take(triangle, mode="wrap")
         linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
         return SurfacePoints(

@@ -237,6 +237,6 @@ def test_a_part_of_the_frame_is_that_part():
 def test_a_given_cast_space_is_kept():
     geometry = soup()
     whole = CastScene(geometry.vertices, geometry.triangles)
-    other = CastScene(geometry.vertices + 3.0, geometry.triangles, space=(whole.centre, whole.scale))
+    other = CastScene(geometry.vertices + 3.0, geometry.triangles, space=whole.space)
     np.testing.assert_array_equal(other.matrix, whole.matrix)
     np.testing.assert_allclose(other.vertices, whole.vertices + 3.0 * whole.scale)
