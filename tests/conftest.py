@@ -82,6 +82,8 @@ ONCE = (
     "casting/exact/test_exact_million.py",
     "casting/exact/test_exact_reference.py",
     "casting/exact/test_rational_projectors.py",
+    "casting/scene/test_large_things.py::test_exact_silhouettes_beside_one_large_thing",
+    "casting/scene/test_large_things.py::test_silhouettes_beside_one_large_thing",
     "casting/exact/test_thin_things.py",
     "casting/layers/test_layered_cast.py::test_the_nearest_key_of_all_is_in_front",
     "casting/scene/test_culling.py::test_what_is_seen_is_the_same",

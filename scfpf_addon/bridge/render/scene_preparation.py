@@ -122,7 +122,7 @@ def _build_on_demand_parts(inputs: RenderInputs, cast_scene: CastScene | None) -
         return
     spans = inputs.projection.volume.spans
     if inputs.settings.pixel_error == 0.0:
-        _ = cast_scene.prisms
+        cast_scene.prepare_exact()
     elif not spans.is_polyline:
         _ = cast_scene.occupancy
     if any(light.casts_shadow for light in inputs.scene.lights):

@@ -21,6 +21,7 @@ from ...projection.typing import BoolArray, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..scene.cast_scene import CastScene
 from ..scene.stretches import Stretches, everywhere
+from ..straight import turn_off_vertices
 from .march import OVERLAP, Records, Traced, first_hits, march
 from .plane_hits import Solutions, move_to_neighbours, solve
 from .projector_batch import ProjectorBatch
@@ -118,6 +119,8 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
         """The first triangles on the chords, (N,), without where on the chords."""
         origins, ways = (ends.astype(np.float32, copy=False) for ends in (start, way))
+        if batch.spans.is_polyline:
+            turn_off_vertices(ways)
         return work.scene.mesh.trace(origins, ways, limits), None
 
     records, _, rays = march(source, schedule.ends, held, where.members(), mask, trace)
@@ -138,9 +141,12 @@ def _at_once(
     way = np.einsum("kn,kcn->cn", ways.T.take(chord, 1), controls)
     work.counts.rays += len(chord)
     work.counts.chords += len(chord)
+    ways = way.astype(np.float32, copy=False)
+    if work.batch.spans.is_polyline:
+        turn_off_vertices(ways)
     found = work.scene.mesh.trace(
         start.astype(np.float32, copy=False),
-        way.astype(np.float32, copy=False),
+        ways,
         np.full(len(chord), 1.0 + OVERLAP, np.float32),
     )
     first = first_hits(found, which, len(projectors))

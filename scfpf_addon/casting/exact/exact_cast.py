@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.arrays import put_columns
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..common.hits import CastCounts, CastError, Hits
 from ..curves.chord_rules import MOST_CERTAIN
@@ -77,6 +78,8 @@ def cast_exact(
     Raises CastError if the memory does not hold the prisms, and if projectors far larger
     than the scene would need more than MOST_CERTAIN chords.
     """
+    if scene.shells:
+        return _cast_shells(scene, batch, mask, columns, counts)
     prisms = scene.prisms
     hits = Hits.empty(batch.count)._replace(mask=mask)
     present = np.flatnonzero(mask)
@@ -116,6 +119,21 @@ def cast_exact(
     rational = batch.spans.point_weights is not None
     doubtful = np.arange(len(found)) if rational else certify(traversal, rays, found)
     _traverse(traversal, rays.take(doubtful), found[doubtful])
+    return hits
+
+
+def _cast_shells(
+    scene: CastScene, batch: ProjectorBatch, mask: BoolArray, columns: int | None, counts: CastCounts
+) -> Hits:
+    """As cast_exact, of one part of the scene after the other."""
+    hits = Hits.empty(batch.count)._replace(mask=mask)
+    for part, numbers in scene.shells:
+        points = (batch.points - part.centre[:, None]) * part.scale
+        found = cast_exact(part, ProjectorBatch(batch.spans, points), mask, columns, counts)
+        nearer = np.flatnonzero(found.t < hits.t)
+        hits.t[nearer] = found.t[nearer]
+        hits.triangle[nearer] = numbers[found.triangle[nearer]]
+        put_columns(hits.barycentric, nearer, found.barycentric.take(nearer, 1))
     return hits
 
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import Array, BoolArray, Float32Array
+from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.cancellation import raise_if_cancelled, uncancellable
 from ..common.geometry import renumbered
 from ..common.parallel import beside
@@ -22,6 +22,7 @@ from .embreex import load_embreex
 from .graded_triangles import graded_mesh
 from .occupancy import MOST_CELLS, SLACK, Occupancy
 from .prisms import Prisms, PrismScene, require_room_for_prisms
+from .shells import shells_of
 from .traced_mesh import TracedMesh
 
 # A shadow ray ends this share before the lamp, which may stand in a surface.
@@ -39,6 +40,16 @@ MOST_PARTS = 16
 
 # Gives vertices (V, 3) and triangles (T, 3) that no projector meets but that cast shadows.
 Beyond = Callable[[], tuple[Array, NDArray[np.int32]]]
+
+
+class Shell(NamedTuple):
+    """Some triangles of a scene as a scene of their own, whose world is the cast space of the whole.
+
+    numbers: (n,), those of the triangles in the whole.
+    """
+
+    scene: CastScene
+    numbers: IndexArray
 
 
 class CastScene(CastTriangles):
@@ -67,6 +78,7 @@ class CastScene(CastTriangles):
         self._neighbours = None
         self._parts: dict[bytes, CastScene] = {}
         self._prisms: PrismScene | None = None
+        self._shells: list[Shell] | None = None
         self._occupancy: Occupancy | None = None
         self._pieces: Array | None = None
         self._beyond: tuple[Float32Array, NDArray[np.int32]] | None = None
@@ -161,6 +173,30 @@ class CastScene(CastTriangles):
                 with uncancellable():
                     self._prisms = self._make_prisms()
             return self._prisms
+
+    @property
+    def shells(self) -> list[Shell]:
+        """The triangles in parts that exact casting casts one by one, nearest first; [] if all are one."""
+        with self._lock:
+            if self._shells is None:
+                with uncancellable():
+                    self._shells = [
+                        Shell(self._apart(numbers), numbers)
+                        for numbers in shells_of(self.vertices, self.triangles, self.usable)
+                    ]
+            return self._shells
+
+    def prepare_exact(self) -> None:
+        """Build what exact casting builds at first use. Raises CastError if the memory does not suffice."""
+        for shell in self.shells:
+            shell.scene.prepare_exact()
+        if not self.shells:
+            _ = self.prisms
+
+    def _apart(self, which: IndexArray) -> CastScene:
+        """Triangles ``which`` (n,) as a scene, whose world is this cast space."""
+        used, triangles = renumbered(self.triangles[which], self.vertices.shape[1])
+        return CastScene(self.vertices[:, used].T, triangles)
 
     def _make_prisms(self) -> PrismScene:
         require_room_for_prisms(len(self.triangles))

@@ -64,14 +64,8 @@ class CastSpace(NamedTuple):
         vertices: (V, 3), world. triangles: (T, 3), those that are usable (T,) finite. sizes: (T,) lengths of
         their edges, cast units.
         """
-        some, count = _sample(usable, sizes)
-        # Squares: a hundred triangles of 1 m count as a million of 100 m.
-        size = np.maximum(sizes.take(some).astype(np.float64), DUST)
-        weights = count * size**-2.0
-        places = vertices.take(triangles[:, 0].take(some), axis=0)
-        centre = _densest(places, weights)
-        near = _quantile(np.abs(places - centre).max(axis=1), weights, NEAREST)
-        core = CORE * max(near, _quantile(size, weights, 0.5) / self.scale)
+        centre, near, size = small_things(vertices, triangles, usable, sizes)
+        core = CORE * max(near, size / self.scale)
         # From one centre a scene reaches at most twice as far as from another one in it.
         if core * WORTH * self.scale > 1.0:
             return None
@@ -87,6 +81,23 @@ class CastSpace(NamedTuple):
             for places, middle in zip(points.T, centre, strict=True)
         )
         return cls(centre, 1.0 / reach if reach > 0.0 else 1.0)
+
+
+def small_things(
+    vertices: Array, triangles: NDArray[np.int32], usable: BoolArray, sizes: NDArray[np.floating]
+) -> tuple[Array, float, float]:
+    """Where the small triangles of a scene are: a place (3,) among them, how far from it, and how large.
+
+    vertices: (V, 3). triangles: (T, 3). usable: (T,). sizes: (T,), in any unit, that of the size returned.
+    """
+    some, count = _sample(usable, sizes)
+    # Squares: a hundred triangles of 1 m count as a million of 100 m.
+    size = np.maximum(sizes.take(some).astype(np.float64), DUST * float(sizes.max()))
+    weights = count * size**-2.0
+    places = vertices.take(triangles[:, 0].take(some), axis=0)
+    centre = _densest(places, weights)
+    near = _quantile(np.abs(places - centre).max(axis=1), weights, NEAREST)
+    return centre, near, _quantile(size, weights, 0.5)
 
 
 def _sample(usable: BoolArray, sizes: NDArray[np.float32]) -> tuple[IndexArray, Array]:

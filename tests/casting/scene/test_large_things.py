@@ -78,13 +78,13 @@ def wrong(hits, t):
     return np.abs(ours - true) > 1e-9
 
 
-def image_of(reference, vertices, triangles, projection, scene=None):
+def image_of(reference, vertices, triangles, projection, scene=None, pixel_error=0.1):
     """The wrong pixels of an image, in number."""
     x, y = pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))
     t, seen = reference.brute_force(vertices, triangles, projection, x, y)
     assert ((seen >= 0) & (seen < len(FACES))).sum() > 100
     scene = scene or CastScene(vertices, triangles)
-    return wrong(reference.cast_image(scene, projection, WIDTH, HEIGHT), t).sum()
+    return wrong(reference.cast_image(scene, projection, WIDTH, HEIGHT, pixel_error), t).sum()
 
 
 @pytest.mark.parametrize("name", VOLUMES)
@@ -97,6 +97,27 @@ def test_silhouettes_beside_one_large_thing(reference, large, name):
 
 
 ON_GROUND = [cube(), LARGE["ground that the cube stands in"](1e6)]
+
+
+@pytest.mark.parametrize(("name", "size"), [("straight", 1e7), ("curved", 1e4)])
+@pytest.mark.parametrize("large", LARGE)
+def test_exact_silhouettes_beside_one_large_thing(reference, large, name, size):
+    mesh = joined([cube(), LARGE[large](size)])
+    assert image_of(reference, *mesh, VOLUMES[name], pixel_error=0.0) == 0
+
+
+def test_exact_casting_takes_no_longer_beside_a_large_thing(reference):
+    """Rays, not a clock."""
+    balls = [sphere(1.0, (2.2 * k, 0.1 * k, -abs(k))) for k in (-1, 0, 1)]
+    counts = {}
+    for size in (0, 1e3, 1e5):
+        counts[size] = CastCounts()
+        scene = CastScene(*joined(balls + ([sphere(size)] if size else [])))
+        reference.cast_image(scene, VOLUMES["straight"], WIDTH, HEIGHT, 0.0, counts=counts[size])
+    assert max(count.rays for count in counts.values()) < 2 * counts[0].rays
+    assert max(count.tested for count in counts.values()) < 2 * counts[0].tested
+
+
 MOVED = {
     "far from the origin": (joined(ON_GROUND), np.array([3e5, 2e5, -4e5])),
     "with a thing a million times as fine": (joined([*ON_GROUND, cube(1e-6, (0.1, 0.7, 0.1))]), np.zeros(3)),

@@ -317,3 +317,21 @@ def test_bad_input_is_explained_and_nothing_is_nothing():
         assert len(cast(scene, volume, x, x, SIZE).t) == 3
         assert len(cast(scene, volume, x, x, SIZE, columns=1).t) == 3
         assert len(cast(scene, volume, x[:1], x[:1], SIZE, columns=1).t) == 1
+
+
+@pytest.mark.parametrize("pixel_error", [0.1, 0.0])
+@pytest.mark.parametrize("basis", ["straight", "POLYLINE", "BEZIER"])
+def test_no_projector_passes_a_vertex_that_it_is_aimed_at(reference, basis, pixel_error):
+    """A sheet without gaps, whose vertices lie on the projectors of the pixels' centres."""
+    width, height = (64, 32) if pixel_error == 0.0 else (256, 128)
+    projection = bent_projection(1, 0.0, 2.0) if basis == "straight" else bent_projection(3, 1.0, 2.0)
+    if basis == "POLYLINE":
+        projection = Projection(ViewingVolume(projection.volume.surfaces, basis), aspect=2.0)
+    x, y = pixel_centres(width, height, (0, height))
+    image = projection.parameters(x, y)
+    place = projection.volume.evaluate(
+        image.u, image.v, 0.5 + 0.05 * np.sin(17 * x) * np.cos(13 * y)
+    ).position
+    scene = CastScene(*sheet(place.T.reshape(height, width, 3)))
+    hits = reference.cast_image(scene, projection, width, height, pixel_error)
+    assert (hits.triangle.reshape(height, width)[1:-1, 1:-1] >= 0).all()
