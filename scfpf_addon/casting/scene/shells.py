@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shells around the small things of a scene, for exact casting.
 
-Prisms are as thick as the scene's size and its triangles require. In the prisms of a sky of 1 km spheres of 1 m
-overlap altogether. So triangles as far away as the sky are cast apart, in a cast space of their own; the nearer hit
-counts, whose t is exact in both.
+Prisms are as thick as the scene's size and its triangles require. In the prisms of a sky of 1 km spheres of
+1 m overlap altogether. So triangles as far away as the sky are cast apart, in a cast space of their own; the
+nearer hit counts, whose t is exact in both.
 """
 
 from __future__ import annotations
