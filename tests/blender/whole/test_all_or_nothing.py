@@ -47,6 +47,7 @@ def check_every_step(action, undo):
                 # Blender prints the faults of handlers and of updates of properties, and goes on.
                 undo()
                 bpy.context.view_layer.update()
+                before = file_state()
                 continue
         after = file_state()
         if found := differences(before, after):
@@ -74,3 +75,16 @@ def test_setting_cycles_up(addon):
     assert len(codes) > 30
     assert faults == []
     assert rig_of(scene) is None
+
+
+def test_the_nodes_preview(addon):
+    bent_camera(addon)
+    data, preview = addon("scanline.preview.preview_data"), addon("scanline.preview.preview")
+
+    def undo():
+        for source in list(data.previews()):
+            preview.switch_off(source)
+
+    codes, faults = check_every_step(bpy.ops.scfpf.preview_toggle, undo)
+    assert len(codes) > 20
+    assert faults == []
