@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..operators.common.target import flexible_camera_of
+from ..operators.common.target import active_object, flexible_camera_of
 from ..operators.common.words import drawn
 
 # Characters that fit a line of the sidebar, roughly.
@@ -22,8 +22,8 @@ class DataTab:
     @classmethod
     def poll(cls, context):
         # A pinned camera's data may be shown while another object is active.
-        obj = context.object
-        return obj is not None and obj.type == "CAMERA" and obj.data == context.camera
+        obj = active_object(context)
+        return obj is not None and obj.type == "CAMERA" and obj.data == getattr(context, "camera", None)
 
 
 class Sidebar:

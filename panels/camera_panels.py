@@ -4,7 +4,7 @@
 import bpy
 
 from ..operators.camera.presets import preset_items
-from ..operators.common.target import camera_of, flexible_camera_of
+from ..operators.common.target import active_object, camera_of, flexible_camera_of
 from ..operators.common.words import worded
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, knows_its_ends
@@ -171,7 +171,7 @@ class _MainSection:
             layout.operator("scfpf.camera_add", icon="OUTLINER_OB_CAMERA")
             return
         # In the Data tab of a camera that Aim sees a view from, the panel is that of the aimed one.
-        if self.names_camera or camera != context.object:
+        if self.names_camera or camera != active_object(context):
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)
@@ -271,7 +271,7 @@ class _DisplaySection(Subsection):
 
 def _lens_note(panel, context):
     """Say in Blender's panel Lens that the lens of a flexible camera approximates its volume."""
-    if DataTab.poll(context) and context.object.scfpf.enabled:
+    if DataTab.poll(context) and active_object(context).scfpf.enabled:
         column = panel.layout.column(align=True)
         column.label(text="Pictures show the volume.", icon="INFO")
         column.label(text="This lens is an approximation.", icon="BLANK1")

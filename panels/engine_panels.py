@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.common.target import active_object
 from ..scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.bridge.render.render_passes import PASS_SWITCHES
@@ -251,11 +252,15 @@ class SCFPF_PT_engine_ray_visibility(EnginePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and context.object is not None and context.object.type != "CAMERA"
+        return (
+            super().poll(context)
+            and active_object(context) is not None
+            and active_object(context).type != "CAMERA"
+        )
 
     def draw(self, context):
         layout = split_properties(self)
-        owner = context.object
+        owner = active_object(context)
         if owner.type == "LIGHT":
             layout.prop(owner, "visible_diffuse", text="Diffuse")
             layout.prop(owner, "visible_glossy", text="Highlights")

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.common.target import active_object
 from ..operators.common.words import worded
 from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 
@@ -78,7 +79,7 @@ def _surface_entries(menu, _context):
 
 
 def _duplicate_entry(menu, context):
-    camera = context.object
+    camera = active_object(context)
     if camera is not None and camera.type == "CAMERA" and camera.scfpf.enabled:
         menu.layout.separator()
         menu.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")

@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.target import camera_of, poll_object_mode, take_up_edits
+from ..common.target import active_object, camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
 from ..common.words import say
 
@@ -43,7 +43,7 @@ def target_index():
 
 def aimed_camera(context):
     """The camera to aim, or None: the active object may be the eye or the handle of one of its targets."""
-    active = context.object
+    active = active_object(context)
     if active is not None and active.type in {"CAMERA", "EMPTY"} and not active.scfpf.enabled:
         for camera in context.scene.objects:
             if camera.type == "CAMERA" and any(

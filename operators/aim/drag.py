@@ -15,8 +15,10 @@ from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
+from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
+from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
@@ -63,6 +65,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         return True
 
     def execute(self, context):
+        note_edit()
         camera = flexible_camera_of(context)
         try:
             self._choose(camera)
@@ -106,6 +109,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         self._mouse, self._resting = (event.mouse_x, event.mouse_y), 0
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
+        running.begin(self, context)
         self._say(context)
         return {"RUNNING_MODAL"}
 
@@ -216,6 +220,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
 
     def _stop(self, context):
         """Leave the drag as Live Aim, the timer and the status bar were."""
+        running.end(self)
         camera = object_by_uid(self._camera)
         if camera is not None:
             camera.scfpf.aim.live = self._is_live

@@ -14,10 +14,11 @@ from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.words import say
 from .aim_camera import AimAction, camera_name, target_at, target_index
-from .watched import Watched, in_window, stop_all
+from .watched import Watched, in_window
 
 
 class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
@@ -88,13 +89,14 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
             return refused(self, error)
         if outcome == {"RUNNING_MODAL"}:
             context.window_manager.modal_handler_add(self)
+            running.begin(self, context)
         return outcome
 
     def modal(self, context, event):
         return self.watch(context, event)
 
     def cancel(self, context):
-        """Called when its window closes or a file is opened."""
+        """Called when its window closes, a file is opened or the extension is disabled."""
         self.stop_solve(context)
 
 
@@ -112,15 +114,6 @@ class SCFPF_OT_aim_live(AimAction, bpy.types.Operator):
         camera.scfpf.aim.live = not camera.scfpf.aim.live
 
 
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+register, unregister = bpy.utils.register_classes_factory(
     (SCFPF_OT_aim_turn, SCFPF_OT_aim_solve, SCFPF_OT_aim_live)
 )
-
-
-def register():
-    _register_classes()
-
-
-def unregister():
-    stop_all()
-    _unregister_classes()

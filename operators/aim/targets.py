@@ -16,6 +16,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.volume.inverse import find_in_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
+from ..common.target import selected_objects
 from ..common.tool import STEPS
 from ..common.words import say
 from ..image.preparation import prepared_inputs
@@ -36,7 +37,7 @@ def selected_things(context) -> list:
     """The selected objects that a view or a layer can show."""
     own = control_objects()
     return [
-        o for o in context.selected_objects if o.type not in {"CAMERA", "LIGHT"} and o.name_full not in own
+        o for o in selected_objects(context) if o.type not in {"CAMERA", "LIGHT"} and o.name_full not in own
     ]
 
 
@@ -187,7 +188,7 @@ class SCFPF_OT_aim_line_add(AimAction, bpy.types.Operator):
         ends = [chosen(bpy.data.objects, name, "object") for name in (self.first, self.second)]
         if None in ends:
             handles = [target.handle for target in camera.scfpf.aim_targets]
-            ends = [obj for obj in context.selected_objects if obj in handles]
+            ends = [obj for obj in selected_objects(context) if obj in handles]
         if len(ends) != 2:
             raise AimError("Select the handles of two pins")
         new_targets.add_line(camera, *ends)

@@ -7,15 +7,13 @@ import bpy
 
 from ...scfpf_addon.bridge.aim.solve_work import Steps, WatchedSolve
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.words import say
 from ..image.preparation import redraw_interface
 
 # Seconds between two looks at the thread.
 TICK = 0.1
-
-# The solves under way: Blender drops their operators without notice when the extension is disabled.
-_running: list[WatchedSolve] = []
 
 
 class Watched:
@@ -34,7 +32,6 @@ class Watched:
             self._solve = WatchedSolve(steps)
         except BAD_INPUT as error:
             return refused(self, error)
-        _running.append(self._solve)
         self._ticks = context.window_manager.event_timer_add(TICK, window=context.window)
         self._tell(context)
         return {"RUNNING_MODAL"}
@@ -71,19 +68,12 @@ class Watched:
             context.workspace.status_text_set(say("Aim: solving, {0:.0%}    Esc: cancel", self._solve.share))
 
     def _leave(self, context) -> None:
-        _running.remove(self._solve)
+        running.end(self)
         self._solve = None
         context.window_manager.event_timer_remove(self._ticks)
         if context.workspace is not None:
             context.workspace.status_text_set(None)
         redraw_interface(context.window_manager)
-
-
-def stop_all() -> None:
-    """Cancel the solves under way."""
-    for solve in _running:
-        solve.cancel()
-    _running.clear()
 
 
 def in_window(context) -> bool:

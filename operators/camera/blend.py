@@ -25,7 +25,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ...scfpf_addon.projection.template_error import Message
 from ...scfpf_addon.projection.volume.folds import find_folds
-from ..common.target import flexible_camera_of, poll_flexible_camera
+from ..common.target import flexible_camera_of, poll_flexible_camera, selected_objects
 from ..common.tool import Tool, select_only
 from ..common.words import say
 from .presets import preset_choices, preset_items, shipped_preset
@@ -107,7 +107,7 @@ def _chosen(context) -> list:
     active = flexible_camera_of(context)
     found = [
         obj
-        for obj in context.selected_objects
+        for obj in selected_objects(context)
         if obj.type == "CAMERA" and obj.scfpf.enabled and obj != active
     ]
     return sorted(found, key=lambda obj: obj.name)

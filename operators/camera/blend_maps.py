@@ -87,7 +87,7 @@ class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
         scene = context.scene
         updated(context, camera)
         kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
-        return f"The map is baked into {kept} shapes of each surface"
+        return say("The map is baked into {0} shapes of each surface", kept)
 
 
 class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):

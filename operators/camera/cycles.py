@@ -4,10 +4,12 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
+from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
+from ..common import running
 from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
@@ -30,6 +32,7 @@ class _Planned:
         raise NotImplementedError
 
     def execute(self, context):
+        note_edit()
         try:
             camera = self.planned_camera(context)
             with all_or_nothing():
@@ -53,6 +56,7 @@ class _Planned:
         window_manager.progress_begin(0.0, 1.0)
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
+        running.begin(self, context)
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -91,11 +95,17 @@ class _Planned:
         bpy.app.timers.register(self._planning.give_up, first_interval=0.0)
         self._leave(context)
 
+    def disable(self, context):
+        """End the planning as the extension is disabled; nothing was changed."""
+        self._planning.give_up()
+        self._leave(context)
+
     def _show_progress(self, context) -> None:
         context.window_manager.progress_update(self._planning.progress)
         context.workspace.status_text_set(say("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text))
 
     def _leave(self, context) -> None:
+        running.end(self)
         context.window_manager.progress_end()
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)

@@ -5,6 +5,7 @@ import bpy
 
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
+from ..common.target import selected_objects
 from ..common.tool import Tool
 from ..common.words import say
 
@@ -26,7 +27,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
             raise FlexibleCameraError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
-        for obj in context.selected_objects:
+        for obj in selected_objects(context):
             obj.select_set(False)
         for obj in originals:
             # Hidden surfaces cannot be selected; ``make_single_user`` copies them.
@@ -41,7 +42,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
         for obj in hidden:
             obj.hide_select = True
         make_single_user(copy)
-        for obj in context.selected_objects:
+        for obj in selected_objects(context):
             obj.select_set(obj == copy)
 
 

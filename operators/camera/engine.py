@@ -10,6 +10,7 @@ from bpy.app.handlers import persistent
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import f12_warning
+from ..common import running
 from ..common.target import flexible_camera_of, poll_scene
 from ..common.words import told
 
@@ -59,6 +60,7 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
         # Blender shows the report of an operator called by a script only if the operator ends later.
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
+        running.begin(self, context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -68,6 +70,7 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
         return self.execute(context)
 
     def cancel(self, context):
+        running.end(self)
         context.window_manager.event_timer_remove(self._timer)
 
 

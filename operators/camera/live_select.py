@@ -10,6 +10,7 @@ from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.live.seen_object import place_at, seen_object, shown_camera
 from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS
+from ..common.target import selected_objects
 from ..common.tool import select_only
 
 SELECT = "view3d.select"
@@ -45,7 +46,7 @@ def select(context, found, options) -> None:
     objects = context.view_layer.objects
     if found is None:
         if options.deselect_all and not (options.toggle or options.extend or options.deselect):
-            for obj in context.selected_objects:
+            for obj in selected_objects(context):
                 obj.select_set(False)
     elif options.deselect or (options.toggle and found.select_get() and found == objects.active):
         found.select_set(False)

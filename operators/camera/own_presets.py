@@ -108,6 +108,10 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
 
     filepath: StringProperty(name="File", description="The preset file to write", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    # Blender's file browser looks for this property of exporters.
+    check_existing: BoolProperty(
+        name="Check Existing", description="Warn before a file is replaced", default=True, options={"HIDDEN"}
+    )
 
     def ask(self, context, _event):
         if not self.filepath:

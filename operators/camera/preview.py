@@ -6,10 +6,12 @@ import bpy
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.scanline.preview import preview_building
 from ...scfpf_addon.scanline.preview.preview import show, switch_off, switched_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
+from ..common import running
 from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
@@ -51,6 +53,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         window_manager.progress_begin(0.0, 1.0)
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
+        running.begin(self, context)
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -83,6 +86,11 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         """Leave the groups that are built: Blender closes the window, opens a file or quits."""
         self._leave(context)
 
+    def disable(self, context):
+        """Remove the groups that are built as the extension is disabled."""
+        self._leave(context)
+        self._building.give_up()
+
     def _show_progress(self, context) -> None:
         context.window_manager.progress_update(self._building.progress)
         done = round(100 * self._building.progress)
@@ -91,6 +99,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         )
 
     def _leave(self, context) -> None:
+        running.end(self)
         context.window_manager.progress_end()
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)
@@ -99,6 +108,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         return self._switch(context, camera_of(context))
 
     def _switch(self, context, camera):
+        note_edit()
         source = preview_of(camera, context.scene)
         if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
             switch_off(source)

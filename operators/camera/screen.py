@@ -10,7 +10,7 @@ from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.errors import BAD_INPUT
 from ..common.scene_box import scene_box
-from ..common.target import poll_object_mode, poll_scene
+from ..common.target import active_object, poll_object_mode, poll_scene, selected_objects
 from ..common.tool import Action, select_only, show_in_local_view
 from ..common.words import say
 
@@ -27,16 +27,16 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
     def poll(cls, context):
         if not (poll_scene(cls, context) and poll_object_mode(cls, context)):
             return False
-        if context.object is None or context.object.type != "MESH":
+        if active_object(context) is None or active_object(context).type != "MESH":
             cls.poll_message_set("Select the eye (a camera or an empty), then the mesh of the screen")
             return False
         return True
 
     def act(self, context):
-        scene, screen = context.scene, context.object
+        scene, screen = context.scene, active_object(context)
         depsgraph = context.evaluated_depsgraph_get()
         points = screen_points(screen, depsgraph)
-        eye = next((o for o in context.selected_objects if o != screen and o.type != "MESH"), None)
+        eye = next((o for o in selected_objects(context) if o != screen and o.type != "MESH"), None)
         place = scene.cursor.location if eye is None else eye.matrix_world.translation
         box = scene_box(context)
         data = bpy.data.cameras.new(f"{screen.name} Camera")

@@ -15,6 +15,20 @@ NO_CAMERA = (
 )
 
 
+def active_object(context):
+    """The active object, or None. Blender's own context has none without a window, as in a timer."""
+    if hasattr(context, "object"):
+        return context.object
+    return context.view_layer.objects.active
+
+
+def selected_objects(context) -> list:
+    """The selected objects, also in a context without a window."""
+    if hasattr(context, "selected_objects"):
+        return list(context.selected_objects or ())
+    return list(context.view_layer.objects.selected)
+
+
 def camera_with_surface(scene, surface):
     """The camera of ``scene`` that lists ``surface``, or None."""
     parent = surface.parent
@@ -42,7 +56,7 @@ def camera_of(context):
     the scene's camera. An object that a target of Aim is seen from or held by stands for the aimed
     camera, and the ordinary camera of a layer for the one with the layer.
     """
-    active = context.object
+    active = active_object(context)
     if active is not None:
         if active.type in {"CAMERA", "EMPTY"} and not active.scfpf.enabled:
             aimed = camera_aimed_with(context.scene, active)
@@ -184,5 +198,6 @@ def editable_camera(context, name: str):
 
 def take_up_edits(context) -> None:
     """Write the edits of objects in Edit Mode or another mode to their data."""
-    for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
+    edited_objects = getattr(context, "objects_in_mode", ()) if context.mode != "OBJECT" else ()
+    for edited in edited_objects:
         edited.update_from_editmode()

@@ -3,8 +3,9 @@
 
 from bpy.app.translations import pgettext_rpt
 
+from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from .errors import BAD_INPUT, refused
-from .target import flexible_camera_of, poll_flexible_camera
+from .target import flexible_camera_of, poll_flexible_camera, selected_objects
 
 # Steps in a list, by the property Direction.
 STEPS = {"UP": -1, "DOWN": 1}
@@ -21,6 +22,7 @@ class Action:
         raise NotImplementedError
 
     def execute(self, context):
+        note_edit()
         try:
             message = self.act(context)
         except BAD_INPUT as error:
@@ -56,7 +58,7 @@ def tooltip_of(cls, items, identifier: str) -> str:
 
 def select_only(context, obj) -> None:
     """Make an object the only selected one, and the active one."""
-    for other in context.selected_objects:
+    for other in selected_objects(context):
         other.select_set(False)
     obj.select_set(True)
     context.view_layer.objects.active = obj

@@ -9,7 +9,7 @@ from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import editable_camera
+from ..common.target import editable_camera, selected_objects
 from ..common.words import say
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
@@ -18,7 +18,7 @@ from .preparation import poll_no_render, prepared_inputs, redraw_interface
 def wanted_objects(context) -> list:
     """The selected objects, without cameras, control surfaces and volume objects."""
     own = control_objects()
-    return [o for o in context.selected_objects if o.type != "CAMERA" and o.name_full not in own]
+    return [o for o in selected_objects(context) if o.type != "CAMERA" and o.name_full not in own]
 
 
 def _origins(objects):

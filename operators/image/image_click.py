@@ -4,6 +4,7 @@
 from bpy.props import FloatProperty
 
 from ...scfpf_addon.bridge.render.result_image import result_image
+from ..common import running
 from ..common.tool import ARROWS
 
 NO_PICTURE = "No Image Editor of this window shows the picture: press Show Picture, then click in it"
@@ -75,6 +76,7 @@ class ImageClick:
     def wait(self, context):
         """Begin to wait for the click."""
         context.window_manager.modal_handler_add(self)
+        running.begin(self, context)
         context.window.cursor_modal_set(self.cursor)
         context.workspace.status_text_set(f"{self.hint}    {KEYS}")
         return {"RUNNING_MODAL"}
@@ -108,6 +110,7 @@ class ImageClick:
 
     def cancel(self, context):
         """Restore the cursor and the status bar."""
+        running.end(self)
         if context.window is not None:
             context.window.cursor_modal_restore()
         if context.workspace is not None:

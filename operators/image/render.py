@@ -16,6 +16,7 @@ from ...scfpf_addon.bridge.render.result_image import (
     result_image,
     show_progress,
 )
+from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import chosen_camera
 from ..common.words import say, told
@@ -26,9 +27,6 @@ from .preparation import poll_no_render, prepared_inputs, redraw_interface
 TICK = 0.2
 # Seconds between two updates of the image in the making: passing one of 4K to Blender takes a tenth.
 IMAGE_TICK = 0.5
-
-# The running operator: Blender drops it without notice when the extension is disabled.
-_running: list = []
 
 
 class SCFPF_OT_render(bpy.types.Operator):
@@ -65,7 +63,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         window_manager = context.window_manager
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
-        _running.append(self)
+        running.begin(self, context)
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -200,7 +198,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _leave(self, context):
         """Remove the timer and the texts in the status bars."""
-        _running.clear()
+        running.end(self)
         context.window_manager.event_timer_remove(self._timer)
         for name in self._workspaces:
             workspace = bpy.data.workspaces.get(name)
@@ -239,6 +237,7 @@ class SCFPF_OT_render_escape(bpy.types.Operator):
     def invoke(self, context, _event):
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
+        running.begin(self, context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -252,6 +251,7 @@ class SCFPF_OT_render_escape(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def cancel(self, context):
+        running.end(self)
         context.window_manager.event_timer_remove(self._timer)
 
 
@@ -304,8 +304,6 @@ def register():
 
 def unregister():
     bpy.app.handlers.load_post.remove(_file_loaded)
-    for operator in list(_running):
-        operator.cancel(bpy.context)
     # Before the classes are removed, because their thread may still be at work.
     render_job.forget()
     _unregister_classes()

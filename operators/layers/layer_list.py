@@ -12,6 +12,7 @@ from ...scfpf_addon.bridge.layers.layer_edits import add_layer
 from ...scfpf_addon.bridge.settings.layer_properties import FRONTS
 from ..aim.aim_camera import AimAction, camera_name, chosen, thing_name
 from ..aim.targets import collection_of, selected_things
+from ..common.target import selected_objects
 from ..common.tool import STEPS
 from ..common.words import say
 
@@ -60,7 +61,7 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
         collection = chosen(bpy.data.collections, self.collection, "collection")
         eye = chosen(bpy.data.objects, self.seen_by, "object")
         if eye is None:
-            cameras = [obj for obj in context.selected_objects if obj.type == "CAMERA" and obj != camera]
+            cameras = [obj for obj in selected_objects(context) if obj.type == "CAMERA" and obj != camera]
             eye = cameras[0] if len(cameras) == 1 else None
         elif eye.type != "CAMERA" or eye == camera:
             raise AimError(say("'{0}' cannot see a layer: choose another camera", eye.name))

@@ -7,11 +7,13 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, StringProperty
 
+from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
+from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import chosen_camera, take_up_edits
-from ..common.words import told
+from ..common.words import say, told
 from ..image.image_editors import image_editors
 from ..image.preparation import poll_no_render
 
@@ -82,7 +84,8 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         self._workspaces = {context.workspace.name}
         context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set("SCFPF: reading the scene")
+        running.begin(self, context)
+        context.workspace.status_text_set(say("SCFPF: reading the scene"))
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -100,7 +103,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
                 self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
                 return {"CANCELLED"}
             if job.step():
-                context.workspace.status_text_set(f"SCFPF: {job.progress}    Esc: cancel")
+                context.workspace.status_text_set(say("SCFPF: {0}    Esc: cancel", job.progress))
                 job.render(in_window=True)
                 return {"RUNNING_MODAL"}
         except BAD_INPUT as error:
@@ -113,13 +116,26 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         return self._finish(context, job)
 
     def cancel(self, context):
-        """Called when its window closes, a file is opened, Blender quits or the extension is disabled.
+        """Called when its window closes, a file is opened or Blender quits.
 
         The scene cannot be changed meanwhile: a timer does so if the file stays open.
         """
         job = _jobs[0]
-        bpy.app.timers.register(job.close, first_interval=0.0)
         self._leave(context, is_closing=False)
+
+        def close() -> float | None:
+            if bpy.app.is_job_running("RENDER"):
+                return TICK
+            job.close()
+            return None
+
+        bpy.app.timers.register(close, first_interval=0.0)
+
+    def disable(self, context):
+        """Called when the extension is disabled: Blender may be rendering the scene to be removed."""
+        job = _jobs[0]
+        self._leave(context, is_closing=False)
+        type_registration.when_idle(job.close)
 
     def _wanted(self, context):
         """The camera, frames and path. Raises BAD_INPUT."""
@@ -136,9 +152,10 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         for name in self._workspaces:
             if (workspace := bpy.data.workspaces.get(name)) is not None:
                 workspace.status_text_set(None)
-        for job in _jobs if is_closing else ():
+        jobs, _jobs[:] = [*_jobs], []
+        running.end(self)
+        for job in jobs if is_closing else ():
             job.close()
-        _jobs.clear()
 
     def _finish(self, context, job: LayersJob):
         for warning in job.warnings:
@@ -157,12 +174,4 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
 PASSED = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WINDOW_DEACTIVATE", "ESC"}
 
 
-def register():
-    bpy.utils.register_class(SCFPF_OT_layers_render)
-
-
-def unregister():
-    for job in _jobs:
-        job.close()
-    _jobs.clear()
-    bpy.utils.unregister_class(SCFPF_OT_layers_render)
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_layers_render,))

@@ -10,6 +10,7 @@ from mathutils import Matrix, Vector
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
+from ..common import running
 from ..common.target import flexible_camera_of, poll_slot
 from ..common.tool import ARROWS, Action
 from ..common.words import say
@@ -80,6 +81,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         self._rolling = False
         self._mouse = event.mouse_x, event.mouse_y
         context.window_manager.modal_handler_add(self)
+        running.begin(self, context)
         self._say(context)
         return {"RUNNING_MODAL"}
 
@@ -161,6 +163,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         context.workspace.status_text_set(KEYS)
 
     def _stop(self, context):
+        running.end(self)
         if context.area is not None:
             context.area.header_text_set(None)
         if context.workspace is not None:

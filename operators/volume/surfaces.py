@@ -12,9 +12,16 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
     remove_surface,
 )
 from ...scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS, KIND_ITEMS
+from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import flexible_camera_of, poll_flexible_camera, poll_slot
+from ..common.target import (
+    active_object,
+    flexible_camera_of,
+    poll_flexible_camera,
+    poll_slot,
+    selected_objects,
+)
 from ..common.tool import STEPS, Action, Tool, select_only
 from ..common.words import say
 from .surface_placement import surface_place
@@ -77,6 +84,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
         return True
 
     def execute(self, context):
+        note_edit()
         camera = flexible_camera_of(context)
         before = camera.scfpf.edit_volume
         camera.scfpf.edit_volume = True
@@ -97,7 +105,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
 
 def _candidates(context):
     camera = flexible_camera_of(context)
-    return [obj for obj in context.selected_objects if obj != camera]
+    return [obj for obj in selected_objects(context) if obj != camera]
 
 
 class SCFPF_OT_surface_remove(Tool, bpy.types.Operator):
@@ -183,9 +191,9 @@ class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
         settings = camera.scfpf
         set_edit_volume(camera, not settings.edit_volume)
         surfaces = {slot.object for slot in settings.surfaces} - {None}
-        if not settings.edit_volume and context.object in surfaces:
+        if not settings.edit_volume and active_object(context) in surfaces:
             # A surface that cannot be clicked is deselected; the active camera keeps its panels visible.
-            context.object.select_set(False)
+            active_object(context).select_set(False)
             context.view_layer.objects.active = camera
             camera.select_set(True)
 

@@ -10,7 +10,14 @@ from ...scfpf_addon.bridge.camera.surface_mirror import mirror_surfaces
 from ...scfpf_addon.bridge.camera.volume_fit import fit_to_image, fit_volume
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.scene_box import SHAPES, scene_box
-from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
+from ..common.target import (
+    active_object,
+    active_slot,
+    flexible_camera_of,
+    poll_slot,
+    poll_volume,
+    selected_objects,
+)
 from ..common.tool import Tool
 from ..common.words import say
 
@@ -137,7 +144,7 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
         if not poll_slot(cls, context):
             return False
         camera = flexible_camera_of(context)
-        if context.object in (None, active_slot(camera).object, camera):
+        if active_object(context) in (None, active_slot(camera).object, camera):
             cls.poll_message_set("Select the object to align to: it must be the active one")
             return False
         return True
@@ -145,7 +152,7 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         index = camera.scfpf.active_surface
         context.evaluated_depsgraph_get()  # updates the matrices of objects that were moved
-        volume_edits.align_surface(camera, index, context.object, self.location, self.rotation)
+        volume_edits.align_surface(camera, index, active_object(context), self.location, self.rotation)
 
 
 class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
@@ -172,7 +179,7 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
         if not poll_volume(cls, context):
             return False
         if not any(
-            obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in context.selected_objects
+            obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in selected_objects(context)
         ):
             cls.poll_message_set("Select the objects to fit the volume around")
             return False

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import bpy
 import numpy as np
 
 from ..bridge.blender.rig_mark import has_other_animation
+from ..bridge.blender.scene_objects import holds, object_by_uid, scene_by_uid
 from ..bridge.camera.read_projection import read_projection
 from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
@@ -41,7 +41,8 @@ class Planning:
         check(scene, camera)
         check_surfaces(camera)
         sync_volume_object(camera)
-        self._scene, self._camera, self._groups = scene.name, camera.name, None
+        self._scene, self._camera = scene.session_uid, camera.session_uid
+        self._name, self._groups = camera.name, None
         self._frame = scene.frame_current, scene.frame_subframe
         self._projections = [_read(context, camera)]
         self._frames: list[int] = []
@@ -83,14 +84,15 @@ class Planning:
 
     def camera(self, context):
         """The camera. Raises RigError if it or its scene has gone."""
-        camera = context.scene.objects.get(self._camera)
-        if context.scene.name != self._scene or camera is None:
-            raise RigError("'{0}' was deleted meanwhile: undo, or choose another camera", self._camera)
+        camera = object_by_uid(self._camera)
+        is_here = context.scene.session_uid == self._scene and camera is not None
+        if not is_here or not holds(context.scene.objects, camera):
+            raise RigError("'{0}' was deleted meanwhile: undo, or choose another camera", self._name)
         return camera
 
     def give_up(self) -> None:
         """Leave the scene as it was."""
-        scene = bpy.data.scenes.get(self._scene)
+        scene = scene_by_uid(self._scene)
         if self._has_moved and scene is not None:
             self._return(scene)
         remove_groups(self._groups or [])

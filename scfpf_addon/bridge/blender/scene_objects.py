@@ -114,3 +114,8 @@ def absent_text(obj, scene, otherwise: str, camera=None) -> str:
 def object_by_uid(session_uid: int):
     """The object with a ``session_uid``, which survives renaming and undo; None if it was removed."""
     return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)
+
+
+def scene_by_uid(session_uid: int):
+    """The scene with a ``session_uid``; None if it was removed."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == session_uid), None)

@@ -103,7 +103,7 @@ def write(text: str, x: float, y: float, size: tuple[int, int], scale: float, co
 
 def marked_camera(context):
     """The camera whose marks are shown: the scene's camera if flexible, else the active object, or None."""
-    for candidate in (context.scene.camera, context.object):
+    for candidate in (context.scene.camera, getattr(context, "object", None)):
         camera = camera_behind(candidate)
         if camera is not None and camera.type == "CAMERA" and camera.scfpf.enabled:
             return camera

@@ -7,6 +7,7 @@ import argparse
 import math
 import os
 import sys
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from .result_image import write_result
 
 # Blender's own limit, positive and negative.
 LAST_FRAME = 1_048_574
+# The exit status after an error that is not the user's.
+BUG = 2
 
 
 # The function that renders by Cycles, which is in a layer above: (camera, frames, path) to warnings, outcome.
@@ -108,7 +111,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(argv: list[str]) -> int:
-    """Execute a command line. Return 0, or 1 after a one-line reason on stderr."""
+    """Execute a command line. Return 0, 1 after a one-line reason on stderr, or BUG after a traceback."""
     try:
         options = parser().parse_args(argv)
         _render(options)
@@ -117,6 +120,9 @@ def run(argv: list[str]) -> int:
     except (CommandError, ResultError, *RENDER_ERRORS) as error:
         print(f"scfpf: {' '.join(reason(error).split())}", file=sys.stderr)
         return 1
+    except Exception:
+        traceback.print_exc()
+        return BUG
     return 0
 
 
@@ -160,10 +166,7 @@ def _render(options) -> None:
 def _render_by_cycles(camera, options, output: str) -> None:
     """Render one frame or several by Cycles, layers included."""
     first, last = options.frames or (0, -1)
-    try:
-        warnings, outcome = CYCLES_RENDERS[0](camera, range(first, last + 1), output)
-    except ValueError as error:
-        raise CommandError(reason(error)) from error
+    warnings, outcome = CYCLES_RENDERS[0](camera, range(first, last + 1), output)
     for warning in warnings:
         print(f"scfpf: warning: {warning}", file=sys.stderr)
     print(f"scfpf: {output}: {outcome}")

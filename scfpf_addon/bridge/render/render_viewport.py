@@ -23,7 +23,7 @@ from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..layers.read_image_layers import read_image_layers
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
-from .render_errors import RENDER_ERRORS, told
+from .render_errors import failure_message
 from .render_inputs import RenderInputs, frame_settings, read_inputs
 from .view_painter import Commission, Painting, Rectangle, ViewPainter
 
@@ -64,13 +64,16 @@ class ViewportRender:
 
     def draw(self, context, depsgraph, engine) -> None:
         """Draw the newest painting, after requesting another if the view or the scene has changed."""
-        view = view_key(context, depsgraph)
-        if view != self._view:
-            self._view = view
-            self._ask(context, depsgraph)
-        if self._painter.number != self._drawn:
-            self._drawn = self._painter.number
-            self._take(self._painter.painting)
+        try:
+            view = view_key(context, depsgraph)
+            if view != self._view:
+                self._view, self._message = view, ""
+                self._ask(context, depsgraph)
+            if self._painter.number != self._drawn:
+                self._drawn = self._painter.number
+                self._take(self._painter.painting)
+        except Exception as error:  # Blender would print it, and the next drawing show the old image as done.
+            self._message = failure_message(error)
         message = self._message or self._painter.message
         engine.update_stats("SCFPF", message or ("Rendering" if self._painter.busy else "Rendering Done"))
         if self._texture is None or message:
@@ -83,16 +86,11 @@ class ViewportRender:
         gpu.state.blend_set("NONE")
 
     def _ask(self, context, depsgraph) -> None:
-        try:
-            members = viewport_members(context, depsgraph)
-            if self._scene is None or members != self._members:
-                scene = read_scene(depsgraph, may_be_empty=True, image_layers=members)
-                self._scene, self._members = with_images(scene, known=self._images), members
-            commission = read_commission(context, depsgraph, self._scene)
-        except RENDER_ERRORS as error:
-            self._message = told(error)
-            return
-        self._message = ""
+        members = viewport_members(context, depsgraph)
+        if self._scene is None or members != self._members:
+            scene = read_scene(depsgraph, may_be_empty=True, image_layers=members)
+            self._scene, self._members = with_images(scene, known=self._images), members
+        commission = read_commission(context, depsgraph, self._scene)
         if commission is None:
             self._texture = None
             return

@@ -7,7 +7,7 @@ crash when it evaluates a driver or calls the engine.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import ModuleType
 
 import bpy
@@ -17,8 +17,23 @@ from . import render_engine
 # Seconds between two checks of the job.
 TICK = 0.2
 
-# The modules whose types are to be unregistered when the job ends.
+# The modules whose types are to be unregistered when the job ends, and functions to be called before.
 _waiting: list[ModuleType] = []
+_closing: list[Callable[[], None]] = []
+
+
+def when_idle(function: Callable[[], None]) -> None:
+    """Call a function once no render job runs: at once, or later, while the types are still registered."""
+    _closing.append(function)
+    if not bpy.app.is_job_running("RENDER"):
+        _close()
+    elif not bpy.app.timers.is_registered(_finish):
+        bpy.app.timers.register(_finish, first_interval=TICK, persistent=True)
+
+
+def _close() -> None:
+    while _closing:
+        _closing.pop()()
 
 
 def register_types(modules: Sequence[ModuleType]) -> None:
@@ -46,6 +61,7 @@ def _finish() -> float | None:
     if bpy.app.is_job_running("RENDER"):
         return TICK
     render_engine.go_on()
+    _close()
     while _waiting:
         _waiting.pop().unregister()
     return None

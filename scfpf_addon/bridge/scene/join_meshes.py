@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...casting.common.geometry import Geometry
 from ...casting.common.memory import shortage
 from ...casting.common.parallel import chunks, parallel_map
-from ...projection.template_error import TemplateError
+from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
 from .mesh_arrays import MeshArrays, own_normals
 from .read_layers import join_layers
@@ -105,7 +105,7 @@ def _with_normals(meshes: list[MeshArrays]) -> list[MeshArrays]:
 
 def _require_room(triangles: int, vertices: int) -> None:
     """Raise SceneError if no index reaches all triangles, or memory cannot hold them."""
-    scene = f"The scene has {triangles:,} triangles once every instance is counted"
+    scene = Message("The scene has {0} triangles once every instance is counted", f"{triangles:,}")
     if max(triangles, vertices) > MAXIMUM_TRIANGLES:
         raise SceneError(
             "{0}, more than {1:,}: hide instances or lower the subdivision", scene, MAXIMUM_TRIANGLES

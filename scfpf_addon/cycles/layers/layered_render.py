@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
+from ...projection.template_error import Message
 from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
@@ -108,11 +109,11 @@ class LayeredRender:
         """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
         whole, keys = Border(0, 0, *read.size), np.full((1, 1, 1), np.inf)
         if compared is not None:
-            keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read, 0)))
+            keys = self._keys(read, 0, *(yield from self._places(Message("the picture"), compared, read, 0)))
         else:
             compared = Border(0, 0, 1, 1)
         needless = hidden_behind(layers, keys, compared, whole)
-        shot = yield from self._colors("the picture", whole, read, 0, needless)
+        shot = yield from self._colors(Message("the picture"), whole, read, 0, needless)
         first = self._first_keys(read, 0, shot, shot.is_hit)
         return ShownPixels(whole, shot.color, compared, keys, shot.passes, first)
 
@@ -200,7 +201,7 @@ class LayeredRender:
         # Rigs are made of materials.
         is_plain = read.is_opaque and read.views[number].place is not None
         with self._passing.located(window, read.size, is_plain):
-            yield f"{name}, distances"
+            yield Message("{0}, distances", name)
             found = read_passes(self._passing.path, (COMBINED, POSITION))
             place, alpha = found[POSITION].values.astype(np.float64), found[COMBINED].values[..., 3:]
         height, width = window.top - window.bottom, window.right - window.left

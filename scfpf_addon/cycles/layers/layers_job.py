@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import bpy
 
 from ...bridge.blender.all_or_nothing import all_or_nothing
-from ...bridge.blender.scene_objects import object_by_uid
-from ...bridge.render.command_line import CYCLES_RENDERS
+from ...bridge.blender.scene_objects import object_by_uid, scene_by_uid
+from ...bridge.render.command_line import CYCLES_RENDERS, CommandError
 from ...bridge.render.image_file import ResultError, frame_file, is_multilayer, require_place, save_result
-from ...bridge.render.render_errors import RENDER_ERRORS
+from ...bridge.render.render_errors import RENDER_ERRORS, reason
 from ...bridge.render.result_image import keep_result, result_image, show_progress
+from ...projection.template_error import Message
 from ..rig_data import RigError, require_cycles
 from .exr_passes import Pass, PassesError
 from .joined_passes import COMBINED
@@ -42,7 +43,11 @@ class LayersJob:
         """
         scene = context.scene
         require_cycles(scene)
-        self._scene, self._layer, self._camera = scene.name, context.view_layer.name, camera.session_uid
+        self._scene, self._layer, self._camera = (
+            scene.session_uid,
+            context.view_layer.name,
+            camera.session_uid,
+        )
         self._is_animation, self._path = bool(frames), path
         self._frames = [*frames] or [scene.frame_current]
         self._passing: PassingScene | None = None
@@ -89,16 +94,18 @@ class LayersJob:
             raise RigError("Blender does not render: {0}", reason) from error
 
     @property
-    def progress(self) -> str:
+    def progress(self) -> Message:
         """The name of the present render, for the status bar."""
         total = self._render.total if self._render is not None else 0
-        frame = f"frame {self._count - len(self._frames)} of {self._count}, " if self._count > 1 else ""
-        return f"{frame}{self._text} ({self._done} of {total})"
+        if self._count == 1:
+            return Message("{0} ({1} of {2})", self._text, self._done, total)
+        place = self._count - len(self._frames), self._count
+        return Message("frame {0} of {1}, {2} ({3} of {4})", *place, self._text, self._done, total)
 
     def close(self) -> None:
         """Remove everything that was made for the renders, and return to the artist's frame."""
         self._end_picture()
-        scene = bpy.data.scenes.get((self._scene, None))
+        scene = scene_by_uid(self._scene)
         if self._moved and scene is not None:
             scene.frame_set(self._frame_before[0], subframe=self._frame_before[1])
         self._moved = False
@@ -116,7 +123,7 @@ class LayersJob:
     def _begin(self) -> bool:
         """Begin the next picture that is to be made; False if there is none."""
         while self._frames:
-            scene, camera = bpy.data.scenes.get((self._scene, None)), object_by_uid(self._camera)
+            scene, camera = scene_by_uid(self._scene), object_by_uid(self._camera)
             if scene is None or camera is None:
                 raise RigError(LOST)
             frame = self._frames.pop(0)
@@ -142,7 +149,7 @@ class LayersJob:
         self._end_picture()
         height, width = pixels.shape[:2]
         show_progress(pixels)
-        path, scene = self._file(self._frame) if self._path else "", bpy.data.scenes[self._scene]
+        path, scene = self._file(self._frame) if self._path else "", scene_by_uid(self._scene)
         if is_multilayer(path, scene) or (passes and not self._frames):
             self._deliver_passes({COMBINED: Pass("RGBA", pixels), **passes}, path)
         del pixels, passes
@@ -155,7 +162,7 @@ class LayersJob:
 
     def _deliver_passes(self, passes: dict[str, Pass], path: str) -> None:
         """Write the file of a picture with its passes if it is to have them; keep those of the last one."""
-        scene = bpy.data.scenes[self._scene]
+        scene = scene_by_uid(self._scene)
 
         def save(image) -> None:
             self.written.append(save_result(image, path, scene, with_passes=True))
@@ -166,12 +173,15 @@ class LayersJob:
             self.warnings.append(warning)
 
     def _file(self, frame: int) -> str:
-        return frame_file(self._path, bpy.data.scenes[self._scene], frame, self._is_animation)
+        return frame_file(self._path, scene_by_uid(self._scene), frame, self._is_animation)
 
 
 def render_for_command(camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:
-    """Render files for the command line; return warnings and what was rendered. Raises LAYERS_ERRORS."""
-    job = render_layers(bpy.context, camera, frames, path)
+    """Render files for the command line; return warnings and what was rendered. Raises CommandError."""
+    try:
+        job = render_layers(bpy.context, camera, frames, path)
+    except LAYERS_ERRORS as error:
+        raise CommandError(reason(error)) from error
     return job.warnings, job.outcome
 
 
