@@ -87,8 +87,21 @@ class InWindow:
         is_job_running=bpy.app.is_job_running,
     )
 
+    def __init__(self, window):
+        self.data = Data(window)
+
     def __getattr__(self, name):
         return getattr(bpy, name)
+
+
+class Data:
+    """bpy.data with the workspace that counts."""
+
+    def __init__(self, window):
+        self.workspaces = {window.name: window}
+
+    def __getattr__(self, name):
+        return getattr(bpy.data, name)
 
 
 def instance(cls):
@@ -99,13 +112,10 @@ def instance(cls):
             names |= {n: v for n, v in vars(base).items() if not n.startswith("__")}
     names |= {"report": lambda *_: None, "bl_label": cls.bl_label}
     made = type(cls.__name__, (), names)()
-    for base in cls.__mro__:
-        for name, prop in vars(base).get("__annotations__", {}).items():
-            keywords = getattr(prop, "keywords", {})
-            if "default" in keywords or getattr(prop, "function", None) is bpy.props.StringProperty:
-                setattr(made, name, keywords.get("default", ""))
-            elif hasattr(prop, "keywords"):
-                setattr(made, name, 0.0)
+    operator = getattr(bpy.ops.scfpf, cls.__name__.removeprefix("SCFPF_OT_"))
+    for prop in operator.get_rna_type().properties:
+        if prop.identifier != "rna_type" and not hasattr(made, prop.identifier):
+            setattr(made, prop.identifier, getattr(prop, "default", None))
     return made
 
 
@@ -155,15 +165,17 @@ def test_disabling_ends_what_runs(path, addon, monkeypatch):
         facts = sorted(o.name for o in bpy.data.objects), camera.scfpf.aim.live, len(bpy.data.scenes)
         window = Window()
         context, module = Context(window), addon(path)
-        monkeypatch.setattr(module, "bpy", InWindow())
+        monkeypatch.setattr(module, "bpy", InWindow(window))
         for helper in ("operators.aim.watched", "operators.image.image_click"):
             if hasattr(addon(helper), "bpy"):
-                monkeypatch.setattr(addon(helper), "bpy", InWindow())
+                monkeypatch.setattr(addon(helper), "bpy", InWindow(window))
         operator = instance(getattr(module, name))
         event = SimpleNamespace(
             type="NONE", value="NOTHING", mouse_x=0, mouse_y=0, mouse_region_x=0, mouse_region_y=0
         )
         begin = operator.wait if hasattr(operator, "wait") else lambda c, o=operator, e=event: o.invoke(c, e)
+        if name.endswith("aim_solve"):
+            operator.prepared = lambda _context: camera
         if name.endswith("pin_click"):
             operator._camera = camera.session_uid
         assert begin(context) == {"RUNNING_MODAL"}
