@@ -28,6 +28,8 @@ ONCE = (
     "blender/aim/test_verdict.py",
     "blender/camera/test_screen_camera.py::test_image_on_its_screen_is_what_a_camera_at_the_eye_sees",
     "blender/cycles/test_cycles_any_volume.py::test_the_rig_shows_what_the_exact_caster_sees",
+    "blender/cycles/test_cycles_cautions.py::test_a_node_is_named_if_its_picture_differs",
+    "blender/cycles/test_cycles_cautions.py::test_a_node_of_the_world_is_named_if_its_picture_differs",
     "blender/cycles/test_cycles_denoising.py",
     "blender/cycles/test_cycles_follows.py::test_sheets_follow_every_kind_of_surface",
     "blender/cycles/test_cycles_light.py::test_the_light_is_that_of_cycles_own_cameras[equirectangular]",

@@ -15,6 +15,10 @@ from .rig_data import CYCLES, NO_CYCLES, has_cycles
 # Start of the data paths of image mappings.
 MAPPINGS_PATH = "scfpf.mappings["
 NO_AREA = Message("Projectors meet in a line, and what is behind it shows too: widen that control surface")
+FREESTYLE = Message(
+    "Freestyle's lines are left out, as it only draws what an ordinary camera sees: render with SCFPF and "
+    "use Drawn Style"
+)
 STEPS = Message("Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with SCFPF")
 
 
@@ -43,6 +47,12 @@ def _about_scene(scene, view_layer, settings) -> list[str]:
                 "Too few transparent bounces: raise Light Paths > Transparent to {0}", settings.chords + 2
             )
         )
+    if settings.strokes:
+        found.append(
+            Message("Not shown, as Blender draws it for ordinary cameras only: '{0}'", settings.strokes)
+        )
+    if scene.render.use_freestyle and view_layer.use_freestyle:
+        found.append(FREESTYLE)
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         found.append(Message("Culling would leave all objects out: switch it off in Simplify > Culling"))
     return found
@@ -69,7 +79,7 @@ def _about_volume(scene, settings) -> list[str]:
     if settings.asks_camera:
         found.append(
             Message(
-                "The material '{0}' uses the camera or the ray, and gets the rig's: replace those nodes",
+                "The nodes of '{0}' use the camera or the ray, and get the rig's: replace those nodes",
                 settings.asks_camera,
             )
         )

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials that the rig disturbs: their Raycast nodes meet its sheets, or they depend on camera or ray.
+"""Nodes that the rig disturbs: Raycast meets its sheets, others depend on camera or ray.
+
+They may be those of a material, a lamp or the world.
 
 Rays of Cycles' Raycast node meet everything that any kind of ray sees (svm_raycast in kernel/svm/raycast.h),
 and camera rays have to see the sheets. With Only Local they meet the material's own object alone.
@@ -11,24 +13,28 @@ from collections.abc import Callable
 
 import bpy
 
-from ..bridge.blender.rig_mark import is_rig_part
+from .seen_data import seen_data
 
-# Outputs that depend on the camera's position, or on the ray's length or history.
+# Outputs that depend on the camera's position, or on the ray's history.
 OUTPUTS = {
     "ShaderNodeCameraData": ("View Vector", "View Z Depth", "View Distance"),
     "ShaderNodeTexCoord": ("Camera", "Window"),
-    "ShaderNodeLightPath": ("Ray Length", "Transparent Depth", "Portal Depth"),
+    "ShaderNodeLightPath": ("Transparent Depth", "Portal Depth"),
 }
+# Straight volumes have one chord: their rays are as long as an ordinary camera's. Lamps and worlds know none.
+LENGTH = {"ShaderNodeLightPath": ("Ray Length",)}
 
 
 def raycasting(rig) -> str:
-    """The name of a material whose Raycast node meets a rig's sheets; empty if the scene has none."""
+    """The name of what has a Raycast node that meets a rig's sheets; empty if the scene has none."""
     return _first(rig, lambda node: node.bl_idname == "ShaderNodeRaycast" and not node.only_local)
 
 
 def asking_camera(rig) -> str:
-    """The name of a material that depends on the camera or on the ray; empty if the rig's scene has none."""
-    return _first(rig, _asks_camera)
+    """The name of what depends on the camera or on the ray; empty if the rig's scene has none."""
+    if rig.scfpf_rig.chords == 1:
+        return _first(rig, _asks_camera)
+    return _first(rig, lambda node: _asks_camera(node) or _has_output(node, LENGTH), _asks_camera)
 
 
 def measuring_wires(rig) -> str:
@@ -38,23 +44,38 @@ def measuring_wires(rig) -> str:
 
 def _asks_camera(node) -> bool:
     if node.bl_idname == "ShaderNodeVectorTransform":
-        return "CAMERA" in (node.convert_from, node.convert_to)
-    names = OUTPUTS.get(node.bl_idname, ())
+        return "CAMERA" in (node.convert_from, node.convert_to) and node.outputs[0].is_linked
+    return _has_output(node, OUTPUTS)
+
+
+def _has_output(node, outputs: dict[str, tuple[str, ...]]) -> bool:
+    names = outputs.get(node.bl_idname, ())
     return any(output.is_linked for output in node.outputs if output.name in names)
 
 
-def _first(rig, is_meant: Callable[[bpy.types.Node], bool]) -> str:
-    settings, known = rig.scfpf_rig, {}
-    found = {
-        material
-        for material in set(bpy.data.materials) - set(settings.portals.data.materials)
-        if material.node_tree is not None and _has(material.node_tree, is_meant, known)
-    }
-    if not found:
-        return ""
-    users = (obj for obj in settings.scene.objects if not is_rig_part(obj))
-    used = {slot.material for obj in users for slot in obj.material_slots} & found
-    return min((material.name for material in used), default="")
+def _first(
+    rig,
+    is_meant: Callable[[bpy.types.Node], bool],
+    in_light: Callable[[bpy.types.Node], bool] | None = None,
+) -> str:
+    """The name of a material, lamp or world of a rig's scene with a node that is meant, or an empty string.
+
+    in_light: of lamps and worlds; None for the same.
+    """
+    settings, found = rig.scfpf_rig, set()
+    own = set(settings.portals.data.materials)
+    for owners, wanted in (
+        ((bpy.data.materials,), is_meant),
+        ((bpy.data.lights, bpy.data.worlds), in_light or is_meant),
+    ):
+        known: dict[int, bool] = {}
+        found |= {
+            each
+            for each in (each for kind in owners for each in kind)
+            if each.node_tree is not None and _has(each.node_tree, wanted, known)
+        }
+    found -= own
+    return min((each.name for each in seen_data(settings.scene) & found), default="") if found else ""
 
 
 def _has(tree, is_meant: Callable[[bpy.types.Node], bool], known: dict[int, bool]) -> bool:

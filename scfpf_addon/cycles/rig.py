@@ -24,7 +24,7 @@ from ..bridge.sync.handlers import sync as sync_volumes
 from ..projection.template_error import Message
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
-from . import aov_passes, disturbed_materials, hidden_surfaces, prices
+from . import aov_passes, disturbed_materials, hidden_surfaces, prices, seen_data
 from .chord_planning import chords_of, look, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .portals.sheets import has_no_area, image_places
@@ -238,10 +238,19 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
             watch(rig, depsgraph, has_new_frame=not may_remove)
-            if depsgraph.id_type_updated("MATERIAL") or depsgraph.id_type_updated("NODETREE"):
+            if _may_show_others(depsgraph):
                 _note_materials(rig)
     if may_remove:
         hidden_surfaces.hide_surfaces(bool(rigs()))
+
+
+def _may_show_others(depsgraph) -> bool:
+    """Return whether an update may bring other materials into sight: objects that only move do not."""
+    if any(depsgraph.id_type_updated(kind) for kind in ("MATERIAL", "NODETREE", "LIGHT", "WORLD")):
+        return True
+    if depsgraph.id_type_updated("COLLECTION"):
+        return True
+    return any(each.is_updated_geometry and each.id.id_type == "OBJECT" for each in depsgraph.updates)
 
 
 def _follow(rig, depsgraph) -> None:
@@ -302,11 +311,12 @@ def _note_smoke(rig, depsgraph, projection: Projection) -> None:
 
 
 def _note_materials(rig) -> None:
-    """Note the materials that the rig disturbs."""
+    """Note the materials that the rig disturbs, and drawings that it does not show."""
     found = {
         "raycast": disturbed_materials.raycasting(rig),
         "asks_camera": disturbed_materials.asking_camera(rig),
         "wires": disturbed_materials.measuring_wires(rig),
+        "strokes": seen_data.strokes(rig.scfpf_rig.scene),
     }
     _note_values(rig.scfpf_rig, **found)
 

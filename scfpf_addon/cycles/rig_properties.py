@@ -82,11 +82,13 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         min=1.0,
     )
     smoke: text("Smoke", "An object with a volume that the near surface is inside of: rays do not know of it")
-    raycast: text("Raycast", "A material whose Raycast node meets the rig's sheets")
+    raycast: text("Raycast", "A material, lamp or world whose Raycast node meets the rig's sheets")
     asks_camera: text(
-        "Asks the Camera", "A material that depends on the camera or the ray, and gets those of the rig"
+        "Asks the Camera",
+        "A material, lamp or world that depends on the camera or the ray, and gets those of the rig",
     )
     wires: text("Wires", "A material whose Wireframe node measures in pixels")
+    strokes: text("Strokes", "A Grease Pencil object, which renders through the rig do not show")
     sheet_vertices: tracked(
         IntProperty, "Vertices of a Sheet", "The vertices of a sheet that skips no chord", default=4, min=4
     )

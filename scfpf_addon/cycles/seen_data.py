@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The materials, worlds, lamps and drawings that renders of a scene meet, wherever they come from."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+from ..bridge.blender.rig_mark import is_rig_part
+from ..bridge.scene.read_visibility import ShownInRenders, rendered_objects
+
+# Through these an object that no viewport evaluates may come to a material.
+LEADING = {"COLLECTION", "MATERIAL", "MESH", "NODETREE", "PARTICLE"}
+# Data of objects that have materials of their own, besides meshes.
+LEADING |= {"CURVE", "CURVES", "META", "POINTCLOUD", "VOLUME"}
+
+
+def seen_data(scene) -> set:
+    """The original materials, lamps and worlds that some ray meets, of all view layers that are rendered.
+
+    Objects that viewports evaluate have the materials that modifiers and nodes give them. Others count with
+    all materials that their data, their nodes and their instances might use.
+    """
+    found = set()
+    for layer in _rendered_layers(scene):
+        world = layer.world_override or scene.world
+        found |= {world} - {None}
+        override, evaluated = layer.material_override, set()
+        for obj in _shown(layer):
+            evaluated.add(obj.original)
+            if obj.type == "LIGHT":
+                found.add(obj.data.original)
+            else:
+                found |= {override} if override else _materials(obj)
+        found |= _might_use(_unevaluated(layer))
+    return found
+
+
+def strokes(scene) -> str:
+    """The name of a Grease Pencil object that an ordinary camera's renders show; empty without one."""
+    if not any(obj.type == "GREASEPENCIL" for obj in bpy.data.objects):
+        return ""
+    names = set()
+    for layer in _rendered_layers(scene):
+        if layer.use_grease_pencil:
+            shown = [*(obj.original for obj in _shown(layer)), *_unevaluated(layer)]
+            names |= {obj.name for obj in shown if obj.type == "GREASEPENCIL"}
+    return min(names, default="")
+
+
+def _rendered_layers(scene) -> list:
+    layers = [layer for layer in scene.view_layers if layer.use]
+    return layers or list(scene.view_layers[:1])
+
+
+def _shown(layer) -> Iterator:
+    """Each evaluated object that renders show, once for each of its data, instances too."""
+    depsgraph = layer.depsgraph
+    if depsgraph is None:
+        return
+    shown, known = ShownInRenders(depsgraph), set()
+    for instance in depsgraph.object_instances:
+        obj, parent = instance.object, instance.parent
+        pointer = obj.data.as_pointer() if obj.data else 0
+        key = (obj.original.session_uid, pointer, parent.original.session_uid if parent else 0)
+        if key in known:
+            continue
+        known.add(key)
+        if not is_rig_part(obj) and shown.rays(obj, parent):
+            yield obj
+
+
+def _unevaluated(layer) -> set:
+    """The objects of a view layer that renders show, but that no viewport evaluates."""
+    present = set() if layer.depsgraph is None else {obj.original for obj in layer.depsgraph.objects}
+    return {obj for obj in rendered_objects(layer) - present if not (obj.hide_render or is_rig_part(obj))}
+
+
+def _materials(obj) -> set:
+    """The original materials on an evaluated object; of a mesh those that its faces have."""
+    used = [slot.material for slot in obj.material_slots]
+    own = list(getattr(obj.data, "materials", ()))
+    used += own[len(used) :]
+    if obj.type == "MESH" and len(used) > 1:
+        attribute = obj.data.attributes.get("material_index")
+        index = np.zeros(len(obj.data.polygons), np.int32)
+        if attribute is not None and attribute.domain == "FACE" and attribute.data_type == "INT":
+            attribute.data.foreach_get("value", index)
+        # Strands of particles grow in the material of any slot.
+        if not len(obj.particle_systems):
+            used = [used[number] for number in np.unique(index.clip(0, len(used) - 1))]
+    return {material.original for material in used if material is not None}
+
+
+def _might_use(objects: set) -> set:
+    """The materials and lamps that objects reach through their data, nodes, collections and particles."""
+    if not objects:
+        return set()
+    uses = defaultdict(set)
+    for each, users in bpy.data.user_map().items():
+        for user in users:
+            uses[user].add(each)
+    reached, pending = set(), list(objects)
+    while pending:
+        each = pending.pop()
+        if each in reached:
+            continue
+        reached.add(each)
+        # An object points to others that it does not show: its parent, targets of constraints.
+        instances = each.id_type != "OBJECT" or any(mod.type == "NODES" for mod in each.modifiers)
+        kinds = LEADING | {"LIGHT"} | ({"OBJECT"} if instances else set())
+        pending += [used for used in uses[each] if used.id_type in kinds]
+    return {each for each in reached if each.id_type in {"MATERIAL", "LIGHT"}}
