@@ -180,7 +180,7 @@ def test_materials_that_the_rig_disturbs_are_named(addon, camera, rig_of):
     asks = tree.nodes.new("ShaderNodeCameraData")
     assert named() == []
     tree.links.new(asks.outputs["View Z Depth"], emission.inputs["Strength"])
-    assert [text for text in named() if "uses the camera" in text]
+    assert [text for text in named() if "use the camera" in text]
     tree.nodes.remove(asks)
     assert named() == []
     if bpy.app.version >= (5, 2, 0):
