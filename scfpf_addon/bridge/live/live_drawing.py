@@ -37,6 +37,9 @@ class _Viewport:
     def __init__(self) -> None:
         self.view = LiveView()
         self.message = ""
+        # The last exception, as its type and text, and what is said of it.
+        self._fault: tuple[type, str] | None = None
+        self._failure = ""
         self._drawn = -1
         # When a drawing of the window began, until its end is noted.
         self._begun: float | None = None
@@ -79,7 +82,7 @@ class _Viewport:
                 painter.wait(PATIENCE)
             self.message = painter.message
         except Exception as error:  # Blender would print a traceback at each drawing.
-            self.message = failure_message(error)
+            self.message = self._failure_of(error)
             self._rectangle = self._rectangle if frame is None else frame
         if self.is_late:
             self._drawn = painter.number
@@ -115,8 +118,16 @@ class _Viewport:
             draw_wires(
                 camera, depsgraph, context.space_data, preferences.themes[0], preferences.system.pixel_size
             )
-        except Exception as error:  # as above
-            self.message = failure_message(error)
+        except Exception as error:  # as in ``update``
+            with pixel_space(context.region):
+                draw_text(self._failure_of(error), self._rectangle, preferences.system.ui_scale)
+
+    def _failure_of(self, error: Exception) -> str:
+        """The message of an exception; one that comes again at each drawing prints its traceback once."""
+        fault = type(error), str(error)
+        if fault != self._fault:
+            self._fault, self._failure = fault, failure_message(error)
+        return self._failure
 
 
 # By the address of their regions, which are numbers here.

@@ -82,13 +82,14 @@ class LookReader:
         self._images = ImageCache()
         self._matcaps = MatcapCache()
         self._numbers: tuple[tuple, Numbers] | None = None
-        self._materials: tuple[Numbers, str, MaterialValues] | None = None
+        # By the kind of colour: viewports that share the scene may show materials in different ways.
+        self._materials: dict[str, tuple[Numbers, MaterialValues]] = {}
         self.is_complete = True
 
     def mark_edited(self, depsgraph=None) -> None:
         """Note an update, None for any: materials and images are read again if it may have changed them."""
         if depsgraph is None or any(depsgraph.id_type_updated(kind) for kind in MATERIAL_TYPES):
-            self._materials = None
+            self._materials.clear()
         if depsgraph is None:
             self._numbers = None
         if depsgraph is None or depsgraph.id_type_updated("IMAGE"):
@@ -180,17 +181,18 @@ class LookReader:
 
     def _by_material(self, numbers: Numbers, kind: str, depsgraph):
         """The surfaces by their materials; see ``read_material_values`` for the kinds."""
-        kept = self._materials
-        if kept is None or kept[0] is not numbers or kept[1] != kind:
-            kept = self._materials = numbers, kind, read_material_values(numbers.materials, kind)
-        values = kept[2].values[numbers.material_of_look]
+        kept = self._materials.get(kind)
+        if kept is None or kept[0] is not numbers:
+            kept = self._materials[kind] = numbers, read_material_values(numbers.materials, kind)
+        materials = kept[1]
+        values = materials.values[numbers.material_of_look]
         made = _looks(values[:, :4], values[:, 4], values[:, 5])
-        uses: tuple[ImageUse, ...] = tuple(one for one in kept[2].images if one is not None)
+        uses: tuple[ImageUse, ...] = tuple(one for one in materials.images if one is not None)
         if not uses:
             return made, None, 0
         textures, rows, waiting = self._images.textures(uses, bpy.data.images)
         given = iter(rows)
-        of_material = np.array([-1 if one is None else next(given) for one in kept[2].images])
+        of_material = np.array([-1 if one is None else next(given) for one in materials.images])
         has_uv = read_object_values(numbers.objects, depsgraph, False).has_uv
         image = np.where(has_uv[numbers.object_of_look], of_material[numbers.material_of_look], -1)
         return replace(made, image=image), textures, waiting
@@ -250,10 +252,10 @@ def _states(numbers: Numbers, view_layer) -> IndexArray | None:
         chosen[active.session_uid] = ACTIVE
     if not chosen:
         return None
-    states = np.zeros(len(numbers.owners), np.int64)
-    for uid, state in chosen.items():
-        states[numbers.owners == uid] = state
-    return states
+    uids = np.array(sorted(chosen))
+    state_of = np.array([chosen[uid] for uid in uids.tolist()])
+    place = np.minimum(np.searchsorted(uids, numbers.owners), len(uids) - 1)
+    return np.where(uids[place] == numbers.owners, state_of[place], 0)
 
 
 def _axes(camera) -> Array:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Live images of a viewport: coarse ones at once, the final one later, errors as messages; wires on top."""
 
+import contextlib
 import threading
 import time
 from types import SimpleNamespace
@@ -279,3 +280,21 @@ def test_the_time_of_a_drawing_is_noted_when_it_is_over(addon, monkeypatch):
     viewport.note_drawing()
     viewport.note_drawing()
     assert viewport.view.painter.drawing == 0.5
+
+
+def test_a_fault_of_the_wires_is_shown_and_printed_once(addon, monkeypatch, capsys):
+    """Its message stands in the image at each drawing; its traceback comes with the first one only."""
+    drawing, texts = addon("bridge.live.live_drawing"), []
+
+    def fail(*_):
+        raise ZeroDivisionError("no wires")
+
+    monkeypatch.setattr(drawing, "draw_wires", fail)
+    monkeypatch.setattr(drawing, "draw_text", lambda text, *_: texts.append(text))
+    monkeypatch.setattr(drawing, "pixel_space", lambda _: contextlib.nullcontext())
+    viewport = drawing._Viewport()
+    context = SimpleNamespace(preferences=bpy.context.preferences, space_data=None, region=None)
+    for _ in range(3):
+        viewport.draw_wires(context, None, None)
+    assert len(texts) == 3 and all("no wires" in text for text in texts)
+    assert capsys.readouterr().err.count("Traceback") == 1

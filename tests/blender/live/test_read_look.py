@@ -325,3 +325,23 @@ def test_axes_of_a_scaled_camera_have_unit_length(shown):
     axes = shown()[1].camera_axes
     assert np.allclose(axes.T @ axes, np.eye(3), atol=1e-5)
     assert np.allclose(axes, np.array(camera.rotation_euler.to_matrix()), atol=1e-5)
+
+
+def test_viewports_of_two_kinds_do_not_read_materials_by_turns(shown, addon, monkeypatch):
+    """Two viewports share a reader: each kind of color is read once as long as nothing is edited."""
+    cube("first", material("red", (0.9, 0.1, 0.1, 1.0)))
+    objects, _, reader = shown()
+    module, kinds = addon("bridge.live.read_look"), []
+    read = module.read_material_values
+
+    def counted(materials, kind):
+        kinds.append(kind)
+        return read(materials, kind)
+
+    monkeypatch.setattr(module, "read_material_values", counted)
+    depsgraph, shading = bpy.context.evaluated_depsgraph_get(), bpy.context.scene.display.shading
+    reader.mark_edited()
+    for color_type in 3 * ("MATERIAL", "TEXTURE"):
+        shading.color_type = color_type
+        reader.read(objects, shading, None, depsgraph)
+    assert kinds == ["VIEWPORT", "TEXTURE"]
