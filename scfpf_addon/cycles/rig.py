@@ -139,7 +139,8 @@ def _keep_settings(kept: Kept, scene, camera) -> None:
     for user in bpy.data.scenes:
         kept.keep(user, "camera")
     kept.keep(scene.render, "engine")
-    kept.keep(scene.cycles, "transparent_max_bounces", "dicing_camera", "offscreen_dicing_scale")
+    bounces = "transparent_max_bounces", "min_transparent_bounces"
+    kept.keep(scene.cycles, *bounces, "dicing_camera", "offscreen_dicing_scale")
     for marker in scene.timeline_markers:
         kept.keep(marker, "camera")
     for space in _viewports(scene):

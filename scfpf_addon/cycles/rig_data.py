@@ -264,6 +264,8 @@ def give_back(rig) -> None:
         return
     if scene.cycles.transparent_max_bounces == settings.bounces:
         scene.cycles.transparent_max_bounces = settings.bounces_before
+    if scene.cycles.min_transparent_bounces == settings.least_bounces:
+        scene.cycles.min_transparent_bounces = settings.least_before
     # Rigs of other versions had the flexible camera itself.
     if scene.cycles.dicing_camera == (settings.dicing_camera or camera):
         scene.cycles.dicing_camera = None
@@ -434,6 +436,12 @@ def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
     settings.chords = chords.count
     wanted = settings.bounces_before + chords.count + MORE_BOUNCES
     settings.bounces = cycles.transparent_max_bounces = min(wanted, MOST_BOUNCES)
+    # Portals count as transparent. Up to 5.1 Cycles does not make up for the paths that it ends at random
+    # at portals in smoke, which then takes the light of half as much again.
+    if cycles.min_transparent_bounces != settings.least_bounces:
+        settings.least_before = cycles.min_transparent_bounces
+    least = settings.least_before + chords.count + MORE_BOUNCES
+    settings.least_bounces = cycles.min_transparent_bounces = min(least, MOST_BOUNCES)
 
 
 @contextmanager

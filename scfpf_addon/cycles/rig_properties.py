@@ -132,6 +132,20 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         default=8,
         min=0,
     )
+    least_before: tracked(
+        IntProperty,
+        "Least Transparent Bounces Before",
+        "Cycles' least transparent bounces before the rig was made",
+        default=0,
+        min=0,
+    )
+    least_bounces: tracked(
+        IntProperty,
+        "Least Transparent Bounces",
+        "Cycles' least transparent bounces as the rig has set them; -1 if it has not",
+        default=-1,
+        min=-1,
+    )
 
 
 def register():

@@ -58,12 +58,13 @@ def test_it_is_removed_without_a_trace(camera, rig_of):
     scene = bpy.context.scene
     scene.timeline_markers.new("Here", frame=1).camera = camera
     scene.render.engine = "BLENDER_WORKBENCH"
-    scene.cycles.transparent_max_bounces = 5
+    scene.cycles.transparent_max_bounces, scene.cycles.min_transparent_bounces = 5, 2
     before = everything()
     assert switch(camera) == {"FINISHED"}
     settings = rig_of().scfpf_rig
     assert scene.camera == settings.view_camera == scene.timeline_markers[0].camera
     assert scene.render.engine == "CYCLES" and scene.cycles.transparent_max_bounces > 5 + settings.chords
+    assert scene.cycles.min_transparent_bounces > 2 + settings.chords
     # Viewports evaluate and show nothing of it.
     shown = {instance.object.name for instance in bpy.context.evaluated_depsgraph_get().object_instances}
     assert not shown & {settings.portals.name, settings.view_camera.name}
@@ -71,7 +72,7 @@ def test_it_is_removed_without_a_trace(camera, rig_of):
     assert everything() == before
     assert scene.camera == camera == scene.timeline_markers[0].camera
     assert scene.render.engine == "BLENDER_WORKBENCH" and scene.cycles.transparent_max_bounces == 5
-    assert scene.cycles.dicing_camera is None
+    assert scene.cycles.dicing_camera is None and scene.cycles.min_transparent_bounces == 2
 
 
 # Nodes that some of Cycles' devices lack: Open Shading Language runs on CPUs, and on OptiX in part.

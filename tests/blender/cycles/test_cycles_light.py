@@ -235,3 +235,31 @@ def test_denoising_sees_what_it_sees_without_portals(addon, tmp_path):
         turned = theirs["Denoising Normal"] @ (flip @ turn @ flip).T
         off.append(np.abs(ours["Denoising Normal"] - turned).mean())
     assert min(off) < 0.03
+
+
+@pytest.mark.parametrize("surfaces", [2, 3])
+def test_smoke_that_holds_the_far_surface_takes_the_light_of_its_depth(surfaces, tmp_path):
+    """A white world behind smoke that absorbs: exp(-density · depth), the depth up to the far surface."""
+    scene, density, begins, ends = bpy.context.scene, 0.05, 2.0, 10.0
+    bpy.ops.mesh.primitive_cube_add(size=40.0, location=(0, 0, -20.0 - begins))
+    material = smoke()
+    tree = material.node_tree
+    absorption = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    absorption.inputs["Color"].default_value, absorption.inputs["Density"].default_value = 4 * (0,), density
+    tree.links.new(absorption.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    bpy.context.object.data.materials.append(material)
+    world = scene.world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = 4 * (1,)
+    camera = scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.data.clip_start, camera.data.clip_end, camera.data.lens = 1.0, ends, 400.0
+    scene.render.resolution_x, scene.render.resolution_y = 8, 8
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    if surfaces == 3:
+        assert bpy.ops.scfpf.surface_add(kind="PLANE") == {"FINISHED"}
+    assert switch(camera) == {"FINISHED"}
+    light = render_pixels(tmp_path / "smoke.exr", samples=16)[..., :3].mean()
+    assert abs(-math.log(light) / density - (ends - begins)) < 0.1
