@@ -79,8 +79,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     world_shadows: switch(
         "World Shadows",
         "Let the light of a world of one color cast shadows, as skies do, and as in Cycles, for up to half "
-        "as much time again, instead of lighting everything alike. On in scenes whose first flexible camera "
-        "is new",
+        "as much time again, instead of lighting everything alike; on in new scenes",
     )
 
 

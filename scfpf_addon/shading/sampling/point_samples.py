@@ -69,6 +69,10 @@ class PointSamples(NamedTuple):
         seed = self.seed if len(self.seed) == 1 else self.seed.take(which)
         return PointSamples(self.place.take(which), number, self.most, seed)
 
+    def pixel(self) -> Bits:
+        """The numbers (n,) of the pixels along the curve, small ones in small images: to be scrambled."""
+        return reversed_bits(self.place)
+
     def shares(self, purpose: int) -> Shares:
         """Random numbers of the points, others for each purpose, a dimension of the scramble."""
         bits = max(self.most - 1, 0).bit_length()

@@ -38,7 +38,7 @@ class PathSamples(NamedTuple):
         A pixel's samples fill the square evenly; each pixel and depth begins its sequence elsewhere.
         """
         samples = self.first.take(which)
-        own = scramble(samples.place ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
+        own = scramble(samples.pixel() ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
         start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
         step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
         share: Array = (start + samples.number * step) % 1.0
@@ -53,7 +53,7 @@ class PathSamples(NamedTuple):
         branch = (wave.depth[TOTAL] * 8 + kind).astype(np.uint32)
         branch ^= scramble(wave.hits.triangle.astype(np.uint32), SURVIVAL)
         samples = self.first.take(wave.pixel)
-        own = scramble(samples.place ^ scramble(branch, SURVIVAL), SURVIVAL)
+        own = scramble(samples.pixel() ^ scramble(branch, SURVIVAL), SURVIVAL)
         drawn = (own * 2.0**-32 + samples.number * GOLDEN) % 1.0
         factor: Array = np.divide(drawn < chance, chance, out=np.zeros_like(chance), where=chance > 0.0)
         return factor

@@ -11,6 +11,7 @@ from scfpf_addon.shading.sampling.point_samples import PointSamples, pixel_place
 from scfpf_addon.shading.sampling.sample_positions import sobol
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import Border, FrameSettings
+from scfpf_addon.shading.tracing.path_samples import PathSamples
 
 WIDTH = 32
 
@@ -79,3 +80,14 @@ def test_a_soft_shadow_has_no_steps(build, scrambled):
     assert wrong[:, 8:56].std(axis=0).min() > 0.005 and np.abs(wrong.mean(axis=0)).max() < 0.02
     part = replace(settings, border=Border(20, 30, 40, 50), threads=1)
     assert np.array_equal(render_frame(view, scene, part).pixels[..., 0], shown[30:50, 20:40])
+
+
+def test_each_pixel_begins_its_reflections_elsewhere():
+    """The starts of all pixels differ, and are spread as random points are: |mean of e^(2πi x)| < 4/√n."""
+    pixel = np.arange(WIDTH * WIDTH)
+    samples = PathSamples(PointSamples(pixel_places(pixel, WIDTH), 0, 16))
+    starts = samples.facets(pixel, np.zeros(len(pixel), np.int64))
+    assert len(np.unique(starts, axis=1)[0]) == len(pixel)
+    for across, up in ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2)):
+        wave = np.exp(2j * np.pi * (across * starts[0] + up * starts[1]))
+        assert abs(wave.mean()) < 4.0 / np.sqrt(len(pixel))
