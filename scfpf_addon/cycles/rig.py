@@ -414,6 +414,7 @@ def _frame_begins(scene, *_) -> None:
         is_seen = scene.render.engine == CYCLES and scene.camera == rig.scfpf_rig.view_camera
         if is_seen and rig.scfpf_rig.scene == scene == bpy.context.scene:
             prepare_render(bpy.context, rig, apart=True)
+    versions.settle_view_layers()
 
 
 HANDLERS = {

@@ -15,7 +15,6 @@ from typing import TypeVar
 import bpy
 
 from ...projection.template_error import TemplateError
-from ..blender import versions
 
 ENGINE = "SCFPF_READER"
 
@@ -63,8 +62,6 @@ def with_render_depsgraph(
         scene.render.engine = engine
         bpy.utils.unregister_class(SceneReader)
         bpy.data.meshes.remove(target.data)
-        # A render that begins before view layers know of the removal copies pointers to what is freed.
-        versions.settle_view_layers()
     if not outcome:
         raise RenderDepsgraphError(
             "Blender cannot evaluate the scene: wait for the bake or the render that is running"

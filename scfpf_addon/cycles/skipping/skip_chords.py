@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import bpy
 
-from ...bridge.blender import versions
 from ...bridge.camera.read_projection import ProjectionError
 from ...bridge.render.image_size import image_size
 from ...bridge.scene.mesh_arrays import foreach
@@ -117,7 +116,6 @@ class _Search:
         finally:
             if self._look.apart:
                 bpy.data.scenes.remove(scene)
-                versions.settle_view_layers()
         assert self._occupied is not None and self._ends is not None
         return self._occupied, self._ends
 
