@@ -102,7 +102,7 @@ def one(
 ) -> dict[str, object]:
     """The figures, warnings and faults of one way to an image of a file, in a process of its own.
 
-    Faults are crashes, exceptions with a traceback and a time that is over; a message to the user is none.
+    Faults are crashes, exceptions with a traceback, and a time that is over. Messages to the user are not.
     """
     arguments = [str(file.resolve()), way, str(folder.resolve()), str(chosen.width), str(chosen.samples)]
     command = [*blender.script, str(CASE), *blender.arguments, *arguments]

@@ -47,7 +47,7 @@ class SCFPF_UL_aim(bpy.types.UIList):
 
 
 def residual_text(target) -> str:
-    """How far 95 % of a view's thing, or a pin, is from its place at most; empty before Solve."""
+    """The distance in pixels to its place of 95 % of a view's thing, or of a pin; empty before Solve."""
     distance = target.residual_max if target.whole_95 < 0.0 else target.whole_95
     return worded("{0:.1f} px", distance) if distance >= 0.0 else ""
 

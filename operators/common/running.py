@@ -9,7 +9,7 @@ import bpy
 
 
 class _Place(NamedTuple):
-    """Addresses of the window, the area and the region that an operator was called in, 0 for none."""
+    """Addresses of the window, the area and the region that an operator was called in, 0 if absent."""
 
     window: int
     area: int

@@ -35,7 +35,7 @@ OF_TARGET = {"whole_95": -1.0, "whole_max": -1.0}
 
 
 class Measures(NamedTuple):
-    """What was measured in the image of a camera's last solution: of Aim, and of each target."""
+    """The measurements in the image of a camera's last solution: of Aim, and of each target."""
 
     aim: dict[str, Any]
     targets: list[dict[str, Any]]

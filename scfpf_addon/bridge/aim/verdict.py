@@ -76,7 +76,7 @@ def _contradiction_text(camera, inputs: AimInputs, found: Contradiction) -> Mess
 
 
 def _remedy(camera, inputs: AimInputs) -> Message:
-    """What to do about a solution that is not good."""
+    """The remedies for a solution that is not good."""
     found = shown_twice(inputs.arrays.scene, inputs.targets.pins, inputs.targets.views)
     return REMEDY if found is None else _contradiction_text(camera, inputs, found)
 
@@ -195,7 +195,7 @@ def _direction(left: float, up: float) -> str:
 
 
 def _flaws(camera, solution: Solution) -> Message | None:
-    """What is wrong with a solution, and what to do; None if nothing is."""
+    """The fault of a solution and its remedy; None if it has none."""
     found, old = solution.judgement, solution.old
     missed = [target for target in camera.scfpf.aim_targets if target.residual_max > MET]
     parts = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays meet of objects and their copies, and light linking, as in Cycles; notes on other settings."""
+"""The parts of objects and copies that rays meet, and light linking, as in Cycles; notes on the rest."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from ..blender.app_handlers import add_handlers, remove_handlers
 
 
 class _Edits:
-    """Whether an operator has edited the file since the last step, and preferences to be restored.
+    """The last edit that no step of undo holds, and preferences to be restored.
 
     last: the address of Blender's newest stored operator at the last edit, None without an edit.
     kept: the owner, the name and the value of each preference changed for an undo.

@@ -132,7 +132,7 @@ def shown_twice(
 
 
 def _shown(before: Projection, pins: AimPins, width: int) -> Array:
-    """How far from each pin's position an image shows its point, (P,), in pixels, inf if it does not."""
+    """The distance, (P,) pixels, of each pin's point in an image from its position; inf if it is not seen."""
     place = places_of(before, pins.points, pins.positions)
     across, up = place.u - pins.positions[0], (place.v - pins.positions[1]) / before.aspect
     return np.where(place.found, np.hypot(across, up) * width, np.inf)

@@ -26,7 +26,7 @@ AHEAD = 0.05
 
 
 class Seen(NamedTuple):
-    """What a view's eye sees of its thing, by rays that are even in its image.
+    """The points of a view's thing that its eye sees, by rays that are even in its image.
 
     triangles: (N,). points: (3, N), in world space.
     """

@@ -53,7 +53,7 @@ class PixelCone(NamedTuple):
 
     @property
     def is_parallel(self) -> bool:
-        """Whether the footprint is the same everywhere."""
+        """Return whether the footprint is the same everywhere."""
         return self.distance == 0.0
 
 

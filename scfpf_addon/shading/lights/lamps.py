@@ -180,7 +180,7 @@ class Lamp:
         return places
 
     def blur(self, light: Incidence) -> Single:
-        """What is added to GGX's α squared of highlights, (N,) or (1,), of light that a sample stands for.
+        """The increase of GGX's α squared of highlights, (N,) or (1,), for light that a sample stands for.
 
         Facets that reflect less than that part of a lamp would be bright in few samples only: white speckles.
         The more samples, the smaller the part.

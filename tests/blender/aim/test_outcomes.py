@@ -152,7 +152,7 @@ WAYS = [by_button, by_drag, by_keys, by_live_aim]
 
 
 def told(camera, addon, way):
-    """What a way to a solution tells, be it an error or the result."""
+    """The outcome of a way to a solution: an error or the result."""
     errors = addon("operators.common.errors").BAD_INPUT
     try:
         return way(camera, addon)

@@ -16,7 +16,7 @@ def scene():
 
 
 def has_shadows(scene):
-    """Whether the world casts shadows, and whether that is set."""
+    """Return whether the world casts shadows, and whether that is set."""
     return scene.scfpf_sampling.world_shadows, scene.scfpf_sampling.is_property_set("world_shadows")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles measures in pixels (bump, levels of textures, wires, subdivision) is right through the rig."""
+"""Sizes that Cycles measures in pixels, through the rig: bump, texture levels, wires and subdivision."""
 
 import math
 

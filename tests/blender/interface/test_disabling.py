@@ -12,7 +12,7 @@ from operator_steps import add_camera, add_cube
 
 
 class Window:
-    """What operators leave in Blender: timers, cursors, texts, progress and handlers."""
+    """The traces that operators leave in Blender: timers, cursors, texts, progress and handlers."""
 
     def __init__(self):
         self.timers, self.cursors, self.texts, self.progress, self.waiting = [], 0, {}, 0, []

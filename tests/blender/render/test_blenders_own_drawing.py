@@ -112,7 +112,7 @@ def test_blenders_drawing_is_shown_where_it_fits_the_view(
             strokes.hide_render = not on
 
     def drawn(render):
-        """Where the drawing is in an image, (H, W) bool."""
+        """The pixels of an image that the drawing covers, (H, W) bool."""
         images = []
         for on in (False, True):
             switch(on)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is linked to a material's output, and flattened objects, against Cycles: a table in one picture each.
+"""Links to a material's output, and flattened objects, against Cycles: a table in one picture each.
 
 A material that is only a volume is met by no ray, in every way to see a volume.
 """

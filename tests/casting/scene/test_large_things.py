@@ -201,7 +201,7 @@ def test_parts_of_a_scene_are_as_precise(reference):
 
 
 def edges_of(pieces):
-    """How many pieces (3 corners, 3, M) have each edge; edges as pairs of corners."""
+    """The number of pieces (3 corners, 3, M) that have each edge; edges as pairs of corners."""
     names = {}
     number = [[names.setdefault(tuple(corner), len(names)) for corner in corners.T] for corners in pieces]
     pairs = np.concatenate([np.sort([number[k], number[(k + 1) % 3]], axis=0) for k in range(3)], axis=1)
