@@ -15,7 +15,6 @@ from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
-from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
 from ..common import running
@@ -65,7 +64,6 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         return True
 
     def execute(self, context):
-        note_edit()
         camera = flexible_camera_of(context)
         try:
             self._choose(camera)

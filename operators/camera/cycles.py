@@ -4,7 +4,6 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
-from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
@@ -32,7 +31,6 @@ class _Planned:
         raise NotImplementedError
 
     def execute(self, context):
-        note_edit()
         try:
             camera = self.planned_camera(context)
             with all_or_nothing():

@@ -6,7 +6,6 @@ import bpy
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.scanline.preview import preview_building
 from ...scfpf_addon.scanline.preview.preview import show, switch_off, switched_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
@@ -108,7 +107,6 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         return self._switch(context, camera_of(context))
 
     def _switch(self, context, camera):
-        note_edit()
         source = preview_of(camera, context.scene)
         if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
             switch_off(source)

@@ -3,7 +3,6 @@
 
 from bpy.app.translations import pgettext_rpt
 
-from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from .errors import BAD_INPUT, refused
 from .target import flexible_camera_of, poll_flexible_camera, selected_objects
 
@@ -22,7 +21,6 @@ class Action:
         raise NotImplementedError
 
     def execute(self, context):
-        note_edit()
         try:
             message = self.act(context)
         except BAD_INPUT as error:

@@ -12,7 +12,6 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
     remove_surface,
 )
 from ...scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS, KIND_ITEMS
-from ...scfpf_addon.bridge.sync.unstored_edits import note_edit
 from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import (
@@ -84,7 +83,6 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        note_edit()
         camera = flexible_camera_of(context)
         before = camera.scfpf.edit_volume
         camera.scfpf.edit_volume = True

@@ -18,7 +18,7 @@ from .settings import (
     stylised_properties,
     validation,
 )
-from .sync import handlers, unstored_edits
+from .sync import handlers
 
 # Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
@@ -36,7 +36,6 @@ TYPES = (
 MODULES = (
     validation,  # before all others that read a loaded file
     st_map_image,
-    unstored_edits,
     handlers,
     live_aim,  # after the handlers that know the cameras
     live_drawing,  # under the volumes' lines
