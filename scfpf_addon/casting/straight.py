@@ -28,7 +28,7 @@ BORDER = 1e-3
 
 
 def entry(start: Array, way: Array, lower: Array, upper: Array) -> Array:
-    """Where segments from start to start + way (3, N) enter a box (3,), BORDER before, as shares of way (N,).
+    """The shares (N,) of way (3, N) at which segments from start enter a box (3,), BORDER before it.
 
     0 if they begin inside. Where they miss the box, any number from 0 to 2.
     """

@@ -46,8 +46,8 @@ class GraphReading:
 
     graph: None for a black surface, or none. plain: whether it is an opaque surface of the constants of one
     shader, which needs no graph. notes: on parts that are not shown as they are. volume_only: whether there
-    is a volume and no surface, so that no ray meets the material's faces; as in Cycles a surface that always
-    glows in black is none.
+    is a volume and no surface, so that no ray meets the material's faces; as in Cycles a surface whose glow
+    is always black does not count.
     """
 
     graph: MaterialGraph | None

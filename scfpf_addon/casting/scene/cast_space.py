@@ -86,7 +86,7 @@ class CastSpace(NamedTuple):
 def small_things(
     vertices: Array, triangles: NDArray[np.int32], usable: BoolArray, sizes: NDArray[np.floating]
 ) -> tuple[Array, float, float]:
-    """Where the small triangles of a scene are: a place (3,) among them, how far from it, and how large.
+    """The place (3,) among the small triangles of a scene, their distance from it, and their size.
 
     vertices: (V, 3). triangles: (T, 3). usable: (T,). sizes: (T,), in any unit, that of the size returned.
     """
