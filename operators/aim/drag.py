@@ -21,6 +21,7 @@ from ..common import running
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 from .watched import Watched
 
@@ -64,6 +65,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         return True
 
     def execute(self, context):
+        note_edit()
         camera = flexible_camera_of(context)
         try:
             self._choose(camera)

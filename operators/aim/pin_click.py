@@ -9,6 +9,7 @@ from ...scfpf_addon.bridge.render.render_viewport import free_view
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
+from ..common.unstored_edits import note_edit
 from ..image.image_click import ImageClick
 from ..image.preparation import poll_no_render, prepared_inputs
 
@@ -74,6 +75,7 @@ class SCFPF_OT_aim_pin_click(ImageClick, bpy.types.Operator):
         return 0.5, 0.5
 
     def execute(self, context):
+        note_edit()
         camera = object_by_uid(self._camera) if hasattr(self, "_camera") else flexible_camera_of(context)
         chosen = {"position": (self.x, self.y)} if self._point is None else {"point": self._point}
         try:

@@ -12,6 +12,7 @@ from ..common import running
 from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
+from ..common.unstored_edits import note_edit
 from ..common.words import say, told
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
@@ -31,6 +32,7 @@ class _Planned:
         raise NotImplementedError
 
     def execute(self, context):
+        note_edit()
         try:
             camera = self.planned_camera(context)
             with all_or_nothing():

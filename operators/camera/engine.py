@@ -12,6 +12,7 @@ from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import f12_warning
 from ..common import running
 from ..common.target import flexible_camera_of, poll_scene
+from ..common.unstored_edits import note_edit
 from ..common.words import told
 
 # Seconds between two checks of the queue, and until a warning is reported.
@@ -33,6 +34,7 @@ class SCFPF_OT_engine_use(bpy.types.Operator):
     poll = classmethod(poll_scene)
 
     def execute(self, context):
+        note_edit()
         scene, camera = context.scene, flexible_camera_of(context)
         scene.render.engine = ENGINE
         if camera is not None and camera_behind(scene.camera) != camera and camera.name in scene.objects:

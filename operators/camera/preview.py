@@ -14,6 +14,7 @@ from ..common import running
 from ..common.errors import BAD_INPUT, failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
+from ..common.unstored_edits import note_edit
 from ..common.words import say, told
 
 FLAT = (
@@ -107,6 +108,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         return self._switch(context, camera_of(context))
 
     def _switch(self, context, camera):
+        note_edit()
         source = preview_of(camera, context.scene)
         if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
             switch_off(source)

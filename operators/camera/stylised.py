@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty
 
 from ...scfpf_addon.bridge.settings.stylised_styles import STYLES, apply_style
 from ..common.target import poll_scene
+from ..common.unstored_edits import note_edit
 
 
 class SCFPF_OT_drawn_style(bpy.types.Operator):
@@ -35,6 +36,7 @@ class SCFPF_OT_drawn_style(bpy.types.Operator):
         return STYLES[properties.style].description
 
     def execute(self, context):
+        note_edit()
         apply_style(context.scene, self.style, self.plain_view)
         return {"FINISHED"}
 

@@ -5,6 +5,7 @@ import bpy
 
 from ...scfpf_addon.bridge.render.tutorial_scene import BLOCK_SIZE, BLOCKS, new_tutorial_scene
 from ..common.target import poll_object_mode
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 
 
@@ -18,6 +19,7 @@ class SCFPF_OT_tutorial_scene(bpy.types.Operator):
     poll = classmethod(poll_object_mode)
 
     def execute(self, context):
+        note_edit()
         scene = new_tutorial_scene()
         if context.space_data is not None and context.space_data.type == "VIEW_3D":
             if context.space_data.local_view is not None:

@@ -20,6 +20,7 @@ from ..common.target import (
     poll_flexible_camera_in_any_mode,
 )
 from ..common.tool import plain
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 from ..image.preparation import redraw_interface
 
@@ -112,6 +113,7 @@ class SCFPF_OT_view_live(bpy.types.Operator):
         return poll_flexible_camera_in_any_mode(cls, context) and _poll_viewport(cls, context)
 
     def execute(self, context):
+        note_edit()
         camera = camera_of(context)
         area = viewport_for(context, camera)
         camera.scfpf.show_live = not is_live(area, context.scene, camera)
@@ -172,6 +174,7 @@ class SCFPF_OT_cycles_use(bpy.types.Operator):
         return self._use(context, "INVOKE_DEFAULT")
 
     def execute(self, context):
+        note_edit()
         return self._use(context, "EXEC_DEFAULT")
 
     def _use(self, context, how: str):

@@ -5,6 +5,7 @@ from bpy.app.translations import pgettext_rpt
 
 from .errors import BAD_INPUT, refused
 from .target import flexible_camera_of, poll_flexible_camera, selected_objects
+from .unstored_edits import note_edit
 
 # Steps in a list, by the property Direction.
 STEPS = {"UP": -1, "DOWN": 1}
@@ -21,6 +22,7 @@ class Action:
         raise NotImplementedError
 
     def execute(self, context):
+        note_edit()
         try:
             message = self.act(context)
         except BAD_INPUT as error:

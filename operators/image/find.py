@@ -10,6 +10,7 @@ from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import editable_camera, selected_objects
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
@@ -57,6 +58,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         return True
 
     def execute(self, context):
+        note_edit()
         wanted = wanted_objects(context)
         names = {obj.name for obj in wanted}
         title = wanted[0].name if len(wanted) == 1 else say("{0} objects", len(wanted))

@@ -9,6 +9,7 @@ from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import editable_camera
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
@@ -51,6 +52,7 @@ class SCFPF_OT_pick(ImageClick, bpy.types.Operator):
     poll = classmethod(poll_no_render)
 
     def execute(self, context):
+        note_edit()
         try:
             camera = editable_camera(context, self.camera)
             uid = camera.session_uid

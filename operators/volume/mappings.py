@@ -13,6 +13,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import STEPS, Tool, select_only, tooltip_of
+from ..common.unstored_edits import note_edit
 from ..common.words import say, told
 from ..image.image_click import ImageClick
 
@@ -114,6 +115,7 @@ class SCFPF_OT_mapping_place(ImageClick, bpy.types.Operator):
     poll = classmethod(_poll_mapping)
 
     def execute(self, context):
+        note_edit()
         active_mapping(flexible_camera_of(context)).centre = self.x, self.y
         return {"FINISHED"}
 

@@ -22,6 +22,7 @@ from ..common.target import (
     selected_objects,
 )
 from ..common.tool import STEPS, Action, Tool, select_only
+from ..common.unstored_edits import note_edit
 from ..common.words import say
 from .surface_placement import surface_place
 
@@ -83,6 +84,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
         return True
 
     def execute(self, context):
+        note_edit()
         camera = flexible_camera_of(context)
         before = camera.scfpf.edit_volume
         camera.scfpf.edit_volume = True

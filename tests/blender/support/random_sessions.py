@@ -141,7 +141,9 @@ class Session(ArtistSteps):
         if not able:
             return self.note("no operator of ours can be called")
         name = self.random.choice(able)
-        self.call(bpy.ops.scfpf, name, self.options(getattr(bpy.ops.scfpf, name)))
+        # Python stores no step of undo by default.
+        undo = self.random.random() < 0.5
+        self.call(bpy.ops.scfpf, name, self.options(getattr(bpy.ops.scfpf, name)), undo)
         if name == "tutorial_scene":
             small_pictures(bpy.context.scene)
         return None
@@ -196,7 +198,7 @@ class Session(ArtistSteps):
 
     def call(self, module, name: str, options: dict, undo: bool = True) -> None:
         """Call an operator: it finishes, is cancelled or says in plain words what is wrong."""
-        self.note(f"{name} {options}")
+        self.note(f"{name} {options}" + ("" if undo else " without a step"))
         try:
             getattr(module, name)("EXEC_DEFAULT", undo, **options)
         except RuntimeError as error:

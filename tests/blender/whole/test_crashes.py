@@ -76,6 +76,10 @@ def test_blender_survives_undo_of_what_was_followed(tmp_path, extension):
     check_survives(Path(__file__).parents[1] / "support" / "undo_followed.py", tmp_path, extension)
 
 
+def test_blender_survives_undo_of_operators_without_a_step(tmp_path, extension):
+    check_survives(Path(__file__).parents[1] / "support" / "undo_unstored.py", tmp_path, extension)
+
+
 def check_survives(script, tmp_path, extension):
     repository = os.path.dirname(os.path.dirname(extension.__file__))
     done = subprocess.run(
