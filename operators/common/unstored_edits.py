@@ -89,8 +89,8 @@ def _undoes(*_):
     if not _edit.is_open:
         return
     _store()
-    # A step that no listed operator has stored may hold the edit already. One step back tells. It is made here:
-    # an undo within undo_post frees what Blender goes on with.
+    # A step that no listed operator has stored may hold the edit already. One step back tells. It is made
+    # here: an undo within undo_post frees what Blender goes on with.
     bpy.ops.ed.undo()
     if _edit.scene not in {(scene.session_uid, scene.scfpf_edits) for scene in bpy.data.scenes}:
         bpy.ops.ed.redo()

@@ -21,13 +21,19 @@ class SurfaceError(TemplateError):
     """An object cannot be read as a control surface of its kind; the message has the remedy."""
 
 
-def write_grid(mesh, points) -> None:
-    """Replace a mesh by a grid of quadrilaterals with its UV map. points: (rows, columns, 3)."""
+def checked_grid(points) -> np.ndarray:
+    """The points (rows, columns, 3) of a grid as float64, or a SurfaceError if no mesh can hold them."""
     points = np.asarray(points, np.float64)
     if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < 2:
         raise SurfaceError("A grid needs rows × columns × 3 numbers, at least 2 × 2, got {0}", points.shape)
     if not (np.abs(points) <= LARGEST_LENGTH).all():
         raise SurfaceError("A grid's points must be numbers up to {0:g}", LARGEST_LENGTH)
+    return points
+
+
+def write_grid(mesh, points) -> None:
+    """Replace a mesh by a grid of quadrilaterals with its UV map. points: see ``checked_grid``."""
+    points = checked_grid(points)
     rows, columns = points.shape[:2]
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     corners = np.stack([first, first + 1, first + columns + 1, first + columns], 1).ravel()

@@ -15,7 +15,7 @@ from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.typing import Array
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.viewing_volume import ViewingVolume
-from ..blender.mesh_grid import grid_points, write_grid
+from ..blender.mesh_grid import checked_grid, grid_points, write_grid
 from ..blender.rig_mark import has_other_animation
 from ..blender.scene_objects import delete_with_data, editable_collections, link_beside
 from ..surfaces import lattice_object, nurbs_object, surface_object
@@ -143,6 +143,7 @@ def _become_grid(camera, surface, points) -> None:
     if surface.type != "MESH":
         _put_in_place(camera, surface, "GRID", points)
         return
+    points = checked_grid(points)  # before anything has changed
     if surface.data.users > 1:
         surface.data = surface.data.copy()
     surface.scfpf_surface.kind = "GRID"

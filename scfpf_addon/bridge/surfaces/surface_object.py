@@ -9,13 +9,15 @@ it). NURBS is a SURFACE object (``nurbs_object``), LATTICE a Lattice object (``l
 
 from __future__ import annotations
 
+import contextlib
+
 import bpy
 import numpy as np
 
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.uv_mesh import UVMesh
 from ..blender import versions
-from ..blender.mesh_grid import SurfaceError, grid_points, write_grid
+from ..blender.mesh_grid import SurfaceError, checked_grid, grid_points, write_grid
 from ..blender.scene_objects import delete_with_data
 from .kinds import BLENDER_KINDS, MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .surface_groups import group_inputs, surface_group
@@ -69,7 +71,7 @@ def take_kind(surface) -> None:
     """Give a surface the node group or mesh that its new ``kind`` needs.
 
     Between parametric kinds, inputs of the same name keep their values. From a parametric kind to a mesh, the
-    mesh gets the surface's shape.
+    mesh gets the surface's shape, or that of a new surface if no mesh can hold it.
     """
     kind, own = surface.scfpf_surface.kind, _own_modifier(surface)
     if kind in PARAMETRIC_KINDS and (own is None or own[1] != kind):
@@ -85,7 +87,10 @@ def take_kind(surface) -> None:
             parameters = {given.key: values[given.label] for given in PARAMETRIC_KINDS[before].parameters}
             u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
             shape = surface_from_parameters(before, parameters, None, np.eye(4))
-            points = shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
+            with contextlib.suppress(SurfaceError):  # a property's change cannot be refused
+                points = checked_grid(
+                    shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
+                )
         surface.modifiers.remove(modifier)
         if surface.data.users > 1:
             # Of a linked duplicate (Alt-D): the mesh was empty so far, the other's shape is its modifier's.

@@ -147,6 +147,28 @@ def test_what_cannot_be_subdivided_is_said(camera_with):
         bpy.ops.scfpf.surface_subdivide(direction="U")
 
 
+@pytest.mark.parametrize("radius", [float("nan"), 1e10])
+def test_a_surface_that_no_mesh_can_hold_is_refused_and_stays(camera_with, addon, radius, capfd):
+    """By the operator; the property Kind, which cannot refuse, gives the shape of a new surface."""
+    camera = camera_with("CYLINDER")
+    surface = last(camera)
+    modifier = surface.modifiers[0]
+    (identifier,) = (i.identifier for i in modifier.node_group.interface.items_tree if i.name == "Radius")
+    addon("bridge.blender.versions").set_modifier_input(modifier, identifier, radius)
+    surface.update_tag()
+    with pytest.raises(RuntimeError):
+        bpy.ops.scfpf.surface_to_grid(columns=4, rows=4)
+    assert (last(camera), surface.scfpf_surface.kind, len(surface.modifiers)) == (surface, "CYLINDER", 1)
+    surface.scfpf_surface.kind = "PATCH"
+    assert sorted(tuple(vertex.co.xy) for vertex in surface.data.vertices) == [
+        (-0.5, -0.5),
+        (-0.5, 0.5),
+        (0.5, -0.5),
+        (0.5, 0.5),
+    ]
+    assert "Traceback" not in capfd.readouterr().err
+
+
 # Equalise
 
 
