@@ -11,6 +11,7 @@ import time
 import bpy
 import numpy as np
 from driver import DRAW, PATIENCE, build_scene, differing
+from scenarios_lifetime import disabled_and_enabled
 
 # Pixels that may differ where nothing has changed: a cursor, a flicker of text.
 HARDLY = 100
@@ -276,4 +277,41 @@ def layers(driver):
     assert np.array_equal(driver.pixels(), kept), "Esc has changed the picture"
 
 
-SCENARIOS = (price, rig, moving, layers)
+def layers_disabled(driver):
+    """The extension is disabled while Cycles renders layers, early and late: the scene is as before."""
+    build_scene()
+    driver.add_camera("angular_fisheye")
+    scene = bpy.context.scene
+    scene.cycles.use_adaptive_sampling, scene.cycles.use_denoising = False, False
+    # How long a render takes shall not depend on the number of cores.
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
+    bpy.context.preferences.view.render_display_type = "NONE"
+    group = bpy.data.collections.new("Thing")
+    scene.collection.children.link(group)
+    group.objects.link(bpy.data.objects["Cube"])
+    with driver.override():
+        assert bpy.ops.scfpf.layer_add(camera=scene.camera.name, collection="Thing") == {"FINISHED"}
+    yield DRAW
+    before = [obj.name for obj in bpy.data.objects], [one.name for one in bpy.data.scenes]
+    functions = {name: len(getattr(bpy.app.handlers, name)) for name in ("render_init", "render_cancel")}
+    for wait, samples in ((0.0, 8), (0.7, 64), (3.0, 64)):
+        scene.render.resolution_percentage, scene.cycles.samples = 10, samples
+        camera, engine = scene.camera, scene.render.engine
+        with driver.override():
+            done = bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name)
+        assert done == {"RUNNING_MODAL"}
+        yield wait
+        print(f"disabled after {wait} s, rendering: {bpy.app.is_job_running('RENDER')}")
+        yield from disabled_and_enabled()
+        driver.shot(f"{wait}")
+        assert before == ([obj.name for obj in bpy.data.objects], [one.name for one in bpy.data.scenes])
+        assert (scene.camera, scene.render.engine) == (camera, engine)
+        assert functions == {name: len(getattr(bpy.app.handlers, name)) for name in functions}
+    with driver.override():
+        bpy.ops.ed.undo()
+        yield DRAW
+        bpy.ops.ed.redo()
+        yield DRAW
+
+
+SCENARIOS = (price, rig, moving, layers, layers_disabled)
