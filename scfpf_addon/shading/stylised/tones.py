@@ -118,7 +118,8 @@ class StylisedShading(Shading):
         color = self.flat.color(hits, where, samples, continuation)
         if self.style.fill == "FLAT" or self.light is None:
             return color
-        light = self.light.color(hits, where, samples, continuation)[:3]
+        # ``light`` is for one sample, whichever of the pixel's this is.
+        light = self.light.color(hits, where, PointSamples.alone(len(where)), continuation)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
         # Darkness has no colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)

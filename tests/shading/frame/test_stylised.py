@@ -11,8 +11,10 @@ from scfpf_addon.casting.common.ray_visibility import CAMERA, CATCHER, EVERYWHER
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.passes.data_passes import DataPasses
 from scfpf_addon.shading.scene.shading_scene import Light
+from scfpf_addon.shading.scene.world import World
 from scfpf_addon.shading.settings.frame_settings import Border, FrameSettings
 from scfpf_addon.shading.settings.stylised_settings import (
     CONTOUR,
@@ -196,6 +198,28 @@ def test_steps_of_light_are_so_many_tones(build, steps, shadows):
     sure = inside & (np.abs(place - np.rint(place)) > 0.08)
     level = np.minimum(np.floor(place), steps - 1).astype(int)
     assert np.allclose(pixels[..., 0][sure], expected[level][sure], atol=1e-4)
+
+
+def test_a_soft_lamp_has_sharp_tones_with_any_number_of_samples(build):
+    """A cube's shadow on a wall, under a wide sun and a sky: each pixel is of one of two tones."""
+    sun = Light("SUN", np.full(3, np.pi), build.placed(shines=(0.5, 0.2, -1)), angle=2.0)
+    corners, faces, normals = box()
+    scene = build.scene([build.square(3.0), (corners * 0.5 + [0, 0, 0.5], faces, normals)], [sun])
+    dim = Operation("CONSTANT", (), {"value": np.array([0.005])})
+    closure = Closure("EMISSION", Ref(0), {"color": Ref(1)})
+    sky = World(MaterialGraph((dim, Operation("POSITION")), (closure,)))
+    settings = stylised(lines=None, fill="TOON", steps=2, darkest=0.2)
+    made = {}
+    for samples in (1, 9):
+        image = render_frame(
+            build.looking_down(2, -2), replace(scene, world=sky), replace(settings, samples=samples)
+        )
+        made[samples] = image.pixels[..., :3].max(axis=2)  # the sky tints the others
+    low, high = np.unique(np.round(made[1], 4))
+    assert high > 2 * low
+    # Pixels that an edge crosses are between both.
+    between = (np.abs(made[9] - low) > 1e-3) & (np.abs(made[9] - high) > 1e-3)
+    assert 0 < between.mean() < 0.05
 
 
 def test_flat_colours_know_no_light_and_softness_no_steps(build):
