@@ -57,6 +57,7 @@ class ViewportRender:
         self._texture = None
         self._rectangle = Rectangle(0.0, 0.0, 0.0, 0.0)
         self._message = ""
+        self._strokes = ""  # what the viewport says of Grease Pencil in it
 
     def update(self) -> None:
         """Note that the scene has changed: the next drawing reads it again."""
@@ -75,7 +76,8 @@ class ViewportRender:
         except Exception as error:  # Blender would print it, and the next drawing show the old image as done.
             self._message = failure_message(error)
         message = self._message or self._painter.message
-        engine.update_stats("SCFPF", message or ("Rendering" if self._painter.busy else "Rendering Done"))
+        status = "Rendering" if self._painter.busy else "Rendering Done"
+        engine.update_stats("SCFPF", message or f"{status}{self._strokes}")
         if self._texture is None or message:
             return
         left, bottom, width, height = self._rectangle
@@ -91,9 +93,12 @@ class ViewportRender:
             scene = read_scene(depsgraph, may_be_empty=True, image_layers=members)
             self._scene, self._members = with_images(scene, known=self._images), members
         commission = read_commission(context, depsgraph, self._scene)
+        self._strokes = ""
         if commission is None:
             self._texture = None
             return
+        if not commission.inputs.is_ordinary and shows_strokes(context.space_data, depsgraph):
+            self._strokes = " · Blender draws Grease Pencil where an ordinary camera sees it"
         self._painter.ask(commission)
         if not bpy.app.timers.is_registered(_tick):
             bpy.app.timers.register(_tick, first_interval=TICK)
@@ -118,6 +123,13 @@ def view_key(context, depsgraph) -> tuple:
         region.height,
         view.view_perspective,
         tuple(value for row in view.perspective_matrix for value in row),
+    )
+
+
+def shows_strokes(space, depsgraph) -> bool:
+    """Return whether Blender draws Grease Pencil over a viewport, which no engine can change."""
+    return space.show_object_viewport_grease_pencil and any(
+        instance.object.type == "GREASEPENCIL" for instance in depsgraph.object_instances
     )
 
 
@@ -212,7 +224,8 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
         ends.append(BilinearPatch(corners=corners[:, :3] / corners[:, 3:]))
     aspect = size[0] / size[1]
     settings = frame_settings(depsgraph.scene_eval, size, samples=FREE_SAMPLES)
-    return RenderInputs(Projection(ViewingVolume(tuple(ends)), aspect=aspect), scene, settings)
+    projection = Projection(ViewingVolume(tuple(ends)), aspect=aspect)
+    return RenderInputs(projection, scene, settings, is_ordinary=True)
 
 
 def stop_all() -> None:

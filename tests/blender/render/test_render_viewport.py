@@ -144,6 +144,28 @@ def test_the_ends_of_a_view_are_its_frustum(module, engine_scene):
             assert -local.z == pytest.approx(depth, rel=2e-2)
 
 
+@pytest.mark.parametrize(
+    ("preset", "perspective", "shown", "named"),
+    [
+        ("nonlinear_twist", "CAMERA", True, True),
+        ("nonlinear_twist", "CAMERA", False, False),
+        ("nonlinear_twist", "PERSP", True, False),
+        ("perspective", "CAMERA", True, False),
+    ],
+)
+def test_grease_pencil_over_a_bent_image_is_named(module, engine_scene, preset, perspective, shown, named):
+    """Blender draws it over viewports as an ordinary camera sees it: wrong where the volume is bent."""
+    bpy.ops.object.grease_pencil_add(type="MONKEY")
+    bpy.context.view_layer.objects.active = engine_scene.camera
+    assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+    context, depsgraph = viewport(engine_scene, perspective=perspective)
+    context.space_data.show_object_viewport_grease_pencil = shown
+    stats = []
+    engine = SimpleNamespace(update_stats=lambda *texts: stats.append(texts))
+    module.ViewportRender().draw(context, depsgraph, engine)
+    assert ("Grease Pencil" in stats[-1][1]) == named, stats
+
+
 def test_a_closed_viewport_ends_its_thread(addon, module, engine_scene):
     context, depsgraph = viewport(engine_scene)
     scene = addon("bridge.scene.read_scene").read_scene(depsgraph)
