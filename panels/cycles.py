@@ -54,6 +54,11 @@ class _CyclesSection(Subsection):
             for text in cautions(context.scene, context.view_layer, rig):
                 draw_text(layout, text, "ERROR")
             layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
+            if rig.scfpf_rig.passes:
+                if rig.scfpf_rig.is_own_view:
+                    draw_text(layout, "Depth and Mist: as Cycles', of the camera's own view", "INFO")
+                else:
+                    draw_text(layout, "Depth and Mist: length of projectors from the near surface", "INFO")
         lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
         if is_on and rig.scfpf_rig.travels_all:
             lines += textwrap.wrap(f"{ALL_CHORDS}: {rig.scfpf_rig.travels_all}", LINE)

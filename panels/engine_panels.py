@@ -8,7 +8,7 @@ from ..scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.bridge.render.render_passes import PASS_SWITCHES
 from ..scfpf_addon.cycles.engine_choice import ignored_camera
-from .base import split_properties
+from .base import draw_text, split_properties
 from .render_button import draw_caster_fault, draw_ignored
 
 # Panels for every engine are marked BLENDER_RENDER. These have settings without effect here, or are plainer
@@ -202,7 +202,9 @@ class SCFPF_PT_engine_passes(EnginePanel, bpy.types.Panel):
         row.active = view_layer.use_pass_cryptomatte_object or view_layer.use_pass_cryptomatte_material
         row.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
         if view_layer.use_pass_z:
-            layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
+            draw_text(
+                layout, "Depth: Cycles' in a camera's own view, else from the near surface", "INFO"
+            )
 
 
 class SCFPF_PT_engine_filter(EnginePanel, bpy.types.Panel):

@@ -160,7 +160,7 @@ class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_passes(Action, bpy.types.Operator):
-    """Add passes of t, depth along the projectors, and (u, v, t) to the compositor, or remove them again"""
+    """Add or remove the compositor's passes t, Depth, (u, v, t) and Mist; a line tells what Depth measures"""
 
     bl_idname = "scfpf.cycles_passes"
     bl_label = "t, Depth, (u, v, t) Passes"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of t, depth and (u, v, t) in Cycles: AOVs that the portals write, and a group for the compositor.
+"""Passes of t, depth, (u, v, t) and mist in Cycles: AOVs of the portals, and a group for the compositor.
 
 The AOVs describe the chord of the pixel. The place along it is known only to the surface that was met, whose
 material should not have to change: the group finds it from Cycles' Position pass.
@@ -10,6 +10,7 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.blender import versions
+from ..bridge.blender.drivers import add_property, new_driver
 from ..scanline.nodes.field_nodes import FieldBuilder, Value
 from ..scanline.nodes.geometry_nodes import BUILD, BUILD_KEY, is_current
 from .portals.pass_nodes import AOV_ALONG, AOV_PLACE, AOV_RATE, AOV_START, AOVS
@@ -20,11 +21,38 @@ LAYER = "SCFPF Render Layer"
 MADE_KEY = "scfpf_passes"
 # Depth of an empty pixel, as in Blender's own engines.
 FARTHEST = 1e10
-# A pixel is empty if a smaller share of its samples meets anything.
-MET = 0.5
-# Least divisor.
-TINY = 1e-30
+# Least share of the samples that meet something, and least divisor.
+MET, TINY = 1e-6, 1e-30
 POSITION = "Position"
+# Inputs of the group with the mist of the scene's world: start, depth and exponent of the falloff.
+MIST_INPUTS = {
+    "Mist Start": (5.0, "Distance at which the world's mist begins"),
+    "Mist Depth": (25.0, "Distance from there to full mist"),
+    "Mist Falloff": (2.0, "Exponent of the mist's density: 2 is Quadratic, 1 Linear, 0.5 Inverse Quadratic"),
+}
+# What drives them: the setting of a world's mist, and the expression.
+MIST_PATHS = {
+    "Mist Start": ("start", "mist"),
+    "Mist Depth": ("depth", "mist"),
+    "Mist Falloff": ("falloff", "2 if mist == 0 else 1 if mist == 1 else 0.5"),
+}
+# Cycles' mist in a scene without a world; the falloff as its number.
+NO_MIST = {"Mist Start": 0.0, "Mist Depth": 100.0, "Mist Falloff": 1.0}
+# Outputs of the group.
+RESULTS = {
+    "t": ("Float", "Place along the projector: 0 on the near surface, 1 on the far one"),
+    "Depth": (
+        "Float",
+        "Distance along the camera's axis, as Cycles' Depth, if the volume is the view of the camera's own "
+        "lens; otherwise the length of the projector from the near surface",
+    ),
+    "UVT": ("Vector", "u, v and t of what the pixel shows"),
+    "Mist": (
+        "Float",
+        "The world's mist, as Cycles' pass Mist, by the distance from the camera; in other volumes by the "
+        "length of the projector from the near surface",
+    ),
+}
 
 
 def add(scene) -> None:
@@ -53,6 +81,32 @@ def add(scene) -> None:
     # The render layers' sockets follow the view layer's passes.
     for name in (POSITION, *AOVS):
         tree.links.new(source.outputs[name], node.inputs[name])
+    renew(scene)
+
+
+def renew(scene) -> None:
+    """Have a scene's group be of this version, and its mist that of the scene's world; links to it stay."""
+    for node in _groups(scene):
+        if not is_current(node.node_tree):
+            node.node_tree = _group()
+        for name, (path, expression) in MIST_PATHS.items():
+            driver = new_driver(node.inputs[name], "default_value", expression)
+            target = add_property(driver, scene.world, f"mist_settings.{path}", "mist", "WORLD")
+            target.use_fallback_value, target.fallback_value = True, NO_MIST[name]
+
+
+def is_in_step(scene) -> bool:
+    """Return whether a scene's group, if it has one, is of this version and has the mist of its world."""
+    groups = _groups(scene)
+    if not all(is_current(node.node_tree) for node in groups):
+        return False
+    animation = groups[0].id_data.animation_data if groups else None
+    drivers = {} if animation is None else {curve.data_path: curve.driver for curve in animation.drivers}
+    followed = [
+        drivers.get(node.inputs[name].path_from_id("default_value")) for node in groups for name in MIST_PATHS
+    ]
+    # An artist may have removed some.
+    return all(driver is None or driver.variables[0].targets[0].id == scene.world for driver in followed)
 
 
 def remove(scene) -> None:
@@ -67,7 +121,9 @@ def remove(scene) -> None:
     tree = versions.present_compositor_tree(scene)
     if tree is None:
         return
-    for node in [node for node in tree.nodes if MADE_KEY in node]:
+    for node in _made_nodes(scene):
+        for socket in node.inputs:
+            socket.driver_remove("default_value")
         tree.nodes.remove(node)
     versions.drop_compositor_tree(scene, MADE_KEY)
     group = bpy.data.node_groups.get((GROUP, None))
@@ -75,12 +131,23 @@ def remove(scene) -> None:
         bpy.data.node_groups.remove(group)
 
 
+def _made_nodes(scene) -> list:
+    """The nodes that ``add`` has made in a scene's compositor."""
+    tree = versions.present_compositor_tree(scene)
+    return [] if tree is None else [node for node in tree.nodes if MADE_KEY in node]
+
+
+def _groups(scene) -> list:
+    """Those with the group, of which there is at most one unless the artist has copied it."""
+    return [node for node in _made_nodes(scene) if node.type == "GROUP" and node.node_tree is not None]
+
+
 def _group():
     existing = bpy.data.node_groups.get((GROUP, None))
     if is_current(existing) and existing.bl_idname == "CompositorNodeTree":
         return existing
     tree = bpy.data.node_groups.new(GROUP, "CompositorNodeTree")
-    tree.description = "t, depth, u and v of what each pixel shows through the Cycles rig"
+    tree.description = "t, depth, u, v and mist of what each pixel shows through the Cycles rig"
     for label in (POSITION, *AOVS):
         tree.interface.new_socket(
             label,
@@ -88,18 +155,23 @@ def _group():
             socket_type="NodeSocketVector" if label == POSITION else "NodeSocketColor",
             description="The Position pass" if label == POSITION else f"The AOV “{label}”",
         )
-    for label, kind in (("t", "Float"), ("Depth", "Float"), ("UVT", "Vector")):
-        tree.interface.new_socket(label, in_out="OUTPUT", socket_type=f"NodeSocket{kind}")
+    for label, (default, description) in MIST_INPUTS.items():
+        options = {"socket_type": "NodeSocketFloat", "description": description}
+        socket = tree.interface.new_socket(label, in_out="INPUT", **options)
+        socket.default_value, socket.min_value = default, 0.0
+    for label, (kind, description) in RESULTS.items():
+        options = {"socket_type": f"NodeSocket{kind}", "description": description}
+        tree.interface.new_socket(label, in_out="OUTPUT", **options)
     nodes = FieldBuilder(tree)
     source = nodes.node("NodeGroupInput", "Given", {})
-    given = {label: Value(nodes, source.outputs[label]) for label in (POSITION, *AOVS)}
+    given = {label: Value(nodes, source.outputs[label]) for label in (POSITION, *AOVS, *MIST_INPUTS)}
     nodes.node("NodeGroupOutput", "Result", _passes(nodes, given))
     tree[BUILD_KEY] = BUILD
     return tree
 
 
 def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
-    nodes.open_frame("The mean of those samples that meet something")
+    nodes.open_frame("The mean of those samples that meet something, if the first one does")
 
     def parts(name: str, share=None) -> tuple[Value, ...]:
         values = given[name].parts()
@@ -107,18 +179,26 @@ def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
 
     u, v, cover = parts(AOV_PLACE)
     share = 1.0 / cover.max(MET)
-    met = nodes.combine("GREATER_THAN", cover, MET)
-    start, rate, (t, length, _) = (parts(name, share) for name in (AOV_START, AOV_RATE, AOV_ALONG))
-    nodes.open_frame("How far along the chord the position is")
-    away = [p - s for p, s in zip(parts(POSITION), start, strict=True)]
+    start, rate, (t, depth, distance) = (parts(name, share) for name in (AOV_START, AOV_RATE, AOV_ALONG))
+    position = parts(POSITION)
 
     def dot(one, other) -> Value:
         x, y, z = (a * b for a, b in zip(one, other, strict=True))
         return x + y + z
 
+    # Position is that of a pixel's first sample.
+    met = nodes.combine("GREATER_THAN", dot(position, position), 0.0)
+    met = met * nodes.combine("GREATER_THAN", cover, MET)
+    nodes.open_frame("How far along the chord the position is")
+    away = [p - s for p, s in zip(position, start, strict=True)]
     squared = dot(rate, rate).max(TINY)
     step = dot(away, rate) / squared
-    depth = length + step * squared.root()
+    depth = depth + step * squared.root()
+    nodes.open_frame("Mist")
+    full = given["Mist Depth"].max(TINY)
+    # Materials of earlier versions write no distance.
+    share_of_mist = (depth * distance.max(1.0) - given["Mist Start"]) / full
+    density = nodes.combine("POWER", share_of_mist.max(0.0).min(1.0), given["Mist Falloff"])
     nodes.open_frame("Where something is met")
     t = (t + step) * met
     return {
@@ -126,4 +206,5 @@ def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
         # Not a mix: depth would be lost beside what it is mixed with.
         "Depth": depth * met + (1.0 - met) * FARTHEST,
         "UVT": nodes.xyz(u * share * met, v * share * met, t, "u, v, t"),
+        "Mist": 1.0 - cover * met * (1.0 - density),
     }

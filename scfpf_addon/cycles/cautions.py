@@ -7,7 +7,7 @@ from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.blends.camera_blend import has_cuts
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
 from ..projection.template_error import Message
-from . import footprints, hidden_surfaces
+from . import aov_passes, footprints, hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
 from .rig_data import CYCLES, NO_CYCLES, has_cycles
@@ -18,6 +18,13 @@ NO_AREA = Message("Projectors meet in a line, and what is behind it shows too: w
 FREESTYLE = Message(
     "Freestyle's lines are left out, as it only draws what an ordinary camera sees: render with SCFPF and "
     "use Drawn Style"
+)
+OWN_DEPTH = Message(
+    "Cycles' own passes Depth and Mist measure to the rig's camera: press t, Depth, (u, v, t) Passes and use "
+    "those of the node SCFPF Passes"
+)
+PASSES_CHANGED = Message(
+    "The node SCFPF Passes has the mist of another world, or is of another version: press Update Chords"
 )
 STEPS = Message("Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with SCFPF")
 
@@ -51,6 +58,10 @@ def _about_scene(scene, view_layer, settings) -> list[str]:
         found.append(
             Message("Not shown, as Blender draws it for ordinary cameras only: '{0}'", settings.strokes)
         )
+    if not settings.passing and (view_layer.use_pass_z or view_layer.use_pass_mist):
+        found.append(OWN_DEPTH)
+    if settings.passes and not settings.passing and not aov_passes.is_in_step(scene):
+        found.append(PASSES_CHANGED)
     if scene.render.use_freestyle and view_layer.use_freestyle:
         found.append(FREESTYLE)
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..bridge.blender.rig_mark import has_other_animation
 from ..bridge.blender.scene_objects import holds, object_by_uid, scene_by_uid
+from ..bridge.camera.ordinary_camera import is_own_view
 from ..bridge.camera.read_projection import read_projection
 from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
@@ -44,7 +46,9 @@ class Planning:
         self._scene, self._camera = scene.session_uid, camera.session_uid
         self._name, self._groups = camera.name, None
         self._frame = scene.frame_current, scene.frame_subframe
-        self._projections = [_read(context, camera)]
+        self._projections: list[Projection] = []
+        self._is_own_view = True
+        self._read(context, camera)
         self._frames: list[int] = []
         if may_move(camera):
             ends = scene.frame_start, scene.frame_end
@@ -71,7 +75,7 @@ class Planning:
         if self._frames:
             self._has_moved = True
             context.scene.frame_set(self._frames.pop(0))
-            self._projections.append(_read(context, camera))
+            self._read(context, camera)
             if not self._frames:
                 self._return(context.scene)
         elif self._groups is None:
@@ -80,7 +84,8 @@ class Planning:
 
     def plan(self, context) -> tuple[ChordPlan, bool]:
         """The chords for all frames that were read, and whether the volume may be animated."""
-        return chords_of(self.camera(context), context.scene, self._projections), self._count > 0
+        chords = chords_of(self.camera(context), context.scene, self._projections, self._is_own_view)
+        return chords, self._count > 0
 
     def camera(self, context):
         """The camera. Raises RigError if it or its scene has gone."""
@@ -96,6 +101,12 @@ class Planning:
         if self._has_moved and scene is not None:
             self._return(scene)
         remove_groups(self._groups or [])
+
+    def _read(self, context, camera) -> None:
+        depsgraph = context.evaluated_depsgraph_get()
+        projection = read_projection(camera, depsgraph, image_aspect(context.scene))
+        self._projections.append(projection)
+        self._is_own_view &= is_own_view(projection, camera.evaluated_get(depsgraph), depsgraph)
 
     def _return(self, scene) -> None:
         frame, subframe = self._frame
@@ -115,17 +126,17 @@ def planned(context, camera) -> tuple[ChordPlan, bool]:
         raise
 
 
-def _read(context, camera) -> Projection:
-    return read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
+def chords_of(camera, scene, projections: list[Projection], is_own_view: bool = False) -> ChordPlan:
+    """Plan the chords of projections for a camera's settings. Raises RigError.
 
-
-def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
-    """Plan the chords of projections for a camera's settings. Raises RigError."""
+    is_own_view: as of ``ChordPlan``.
+    """
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     try:
-        return plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
+        plan = plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
     except PlanError as error:
         raise RigError("{0}", error) from error
+    return replace(plan, is_own_view=is_own_view)
 
 
 def may_move(camera) -> bool:
@@ -148,7 +159,11 @@ def may_move(camera) -> bool:
 
 
 def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
-    """The present projection and its signature: its structure, which nodes cannot follow, and the rest."""
+    """The present projection and its signature.
+
+    The signature is the structure, which nodes cannot follow, and the rest. Its last item is whether the
+    volume is the camera's own view.
+    """
     own = camera.scfpf
     check_surfaces(camera)
     projection = read_projection(camera, depsgraph, image_aspect(scene))
@@ -160,7 +175,8 @@ def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
     structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
-    return projection, (structure, points, image_size(scene), own.pixel_error)
+    is_own = is_own_view(projection, camera.evaluated_get(depsgraph), depsgraph)
+    return projection, (structure, points, image_size(scene), own.pixel_error, is_own)
 
 
 class Price(NamedTuple):

@@ -35,6 +35,7 @@ from .rig_data import (
     adopt,
     check_surfaces,
     fit_screen,
+    follow_view,
     give_back,
     has_old_nodes,
     is_whole,
@@ -151,8 +152,10 @@ def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
     """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
     chords, animated = planned(context, rig.scfpf_rig.camera) if plan is None else plan
     with _rewritten(rig):
+        rig.scfpf_rig.is_own_view = chords.is_own_view
         update_nodes(rig)
         renew_materials(rig)
+        aov_passes.renew(rig.scfpf_rig.scene)
         rig.scfpf_rig.animated = animated
         rig.scfpf_rig.problem = ""
         write_skipping(rig, chords)
@@ -268,6 +271,8 @@ def _follow(rig, depsgraph) -> None:
         structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
         if structure_changed:
             update_nodes(rig)
+        # An animated volume is the camera's own view if it is at all frames.
+        follow_view(rig, now[-1] and (settings.is_own_view or not settings.animated))
         problem = _fit_chords(rig, projection, structure_changed)
         _note_smoke(rig, depsgraph, projection)
         _note_materials(rig)

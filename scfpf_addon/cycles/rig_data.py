@@ -62,7 +62,7 @@ LAYOUT = 1
 SAME_SCREEN = 0.1
 CYCLES = "CYCLES"
 # Inputs of the modifier that depend on the sheets.
-WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes")
+WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes", "Along Axis")
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
@@ -171,6 +171,7 @@ def make_rig(scene, camera, chords: ChordPlan, passing: bool = False, passes: bo
     settings.camera, settings.scene = camera, scene
     settings.portals, settings.view_camera = portal_object, view_camera
     settings.dicing_camera = dicing_camera
+    settings.is_own_view = chords.is_own_view
     update_nodes(rig)
     scene.collection.children.link(rig)
     _take_over(rig)
@@ -326,6 +327,7 @@ def update_nodes(rig) -> None:
     focus = settings.camera.data.dof.focus_object
     values = {"Table": settings.table, "Focus Object": focus, "Has Focus Object": focus is not None}
     values |= _screen_inputs(screen_of(settings.view_camera)) | {"Passes": settings.passes}
+    values["Along Axis"] = settings.is_own_view
     set_inputs(modifier, values)
     renew_relations(modifier)
     settings.portals.update_tag()
@@ -360,6 +362,16 @@ def fit_screen(rig, chords: ChordPlan, tolerance: float = 0.0) -> None:
         values = _screen_inputs(screen_of(settings.view_camera))
         set_inputs(settings.portals.modifiers[MODIFIER], values)
         settings.portals.update_tag()
+
+
+def follow_view(rig, is_own_view: bool) -> None:
+    """Have the depth of a rig's passes measured along the camera's axis, or else along the projectors."""
+    settings = rig.scfpf_rig
+    if settings.is_own_view == is_own_view:
+        return
+    settings.is_own_view = is_own_view
+    set_inputs(settings.portals.modifiers[MODIFIER], {"Along Axis": is_own_view})
+    settings.portals.update_tag()
 
 
 def mark_camera(rig) -> None:
@@ -451,7 +463,9 @@ def sheets_kept(rig) -> Iterator[None]:
     portal_object, modifier = settings.portals, settings.portals.modifiers[MODIFIER]
     mesh = portal_object.data
     identifiers = input_identifiers(modifier.node_group)
-    inputs = {name: versions.modifier_input(modifier, identifiers[name]) for name in WRITTEN_INPUTS}
+    # Nodes of another version may lack some.
+    present = [name for name in WRITTEN_INPUTS if name in identifiers]
+    inputs = {name: versions.modifier_input(modifier, identifiers[name]) for name in present}
     backup = mesh.copy()
     backup.materials.clear()
     try:

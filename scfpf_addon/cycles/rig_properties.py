@@ -71,6 +71,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         "A sheet is a line or a point: rays pass it by, and see what is behind",
         default=False,
     )
+    is_own_view: tracked(
+        BoolProperty,
+        "Own View",
+        "The volume is the view of the camera's own lens: its Depth is measured along the camera's axis",
+        default=False,
+    )
     layout: tracked(
         IntProperty, "Layout", "How the screen is placed; 0 by other versions of the add-on", default=0, min=0
     )

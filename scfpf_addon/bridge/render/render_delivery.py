@@ -12,7 +12,7 @@ from ...casting.common.cancellation import is_uncancellable
 from ...casting.common.geometry import Geometry
 from ...shading.typing import Single
 from .render_inputs import RenderInputs
-from .render_passes import crypto_names, list_render_passes, stamp_manifests
+from .render_passes import crypto_names, list_render_passes, stamp_depths, stamp_manifests
 from .scene_preparation import BUILDING
 
 # Seconds between two updates of the result and of the header.
@@ -62,6 +62,7 @@ class Delivery:
         memory = (arrays + 4 * channels * pixels) / MEBIBYTE
         self._engine.update_memory_stats(memory_used=memory, memory_peak=memory)
         stamp_manifests(self._engine.get_result(), self._view_layer, crypto_names(inputs.scene))
+        stamp_depths(self._engine.get_result(), self._view_layer, inputs)
         self._started = perf_counter()
 
     def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:

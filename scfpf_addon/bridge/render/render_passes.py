@@ -92,6 +92,9 @@ MADE_SWITCHES = {each.property for each in PASS_SWITCHES} | {
     *(f"use_pass_cryptomatte_{kind}" for kind in ("object", "material", "accurate")),
 }
 ABSENT = Message("Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): ")
+# What Depth measures, in files.
+ALONG_AXIS = "Distance from the camera along its axis"
+ALONG_PROJECTORS = "Length of the projector from the near surface"
 FREESTYLE = Message(
     "Freestyle's lines are left out, as it only draws what an ordinary camera sees: use Drawn Style "
     "instead of it"
@@ -170,6 +173,19 @@ def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
             ("manifest", manifest(names[kind])),
         ):
             result.stamp_data_add_field(f"cryptomatte/{name_hash(name):08x}"[:19] + f"/{field}", value)
+
+
+def stamp_depths(result, view_layer, inputs) -> None:
+    """Write into a bpy.types.RenderResult, and so into files, what the pass Depth measures.
+
+    inputs: ``RenderInputs``. Each layer of the image has a field of its own.
+    """
+    if view_layer.use_pass_z:
+        wanted, names = inputs.settings.passes, inputs.image_layers.names
+        planes = wanted.depth_plane, *wanted.layer_planes
+        for name, plane in zip(("", *names), planes, strict=True):
+            field = f"{view_layer.name}.Depth" + (f" of {name}" if name else "")
+            result.stamp_data_add_field(field, ALONG_PROJECTORS if plane is None else ALONG_AXIS)
 
 
 def _update_passes(self, _context):

@@ -67,7 +67,8 @@ class ChordPlan:
     cells: of each sheet, across and up. error: the largest distance between curve and chord
     plus that between vertices, on the sampled projectors, in pixels. missing: the share of
     the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether
-    the image is one. cone: of its pixels; None leaves the screen of a rig as it is.
+    the image is one. cone: of its pixels; None leaves the screen of a rig as it is. is_own_view: whether
+    each pixel sees along the camera's own ray, as without flexible projection, at all frames.
     """
 
     breaks: Array
@@ -77,6 +78,7 @@ class ChordPlan:
     missing: float
     disc: bool = False
     cone: PixelCone | None = None
+    is_own_view: bool = False
 
     @property
     def count(self) -> int:

@@ -57,8 +57,8 @@ def summed(found: Mapping[str, Pass], wanted: SwitchedPasses, mist: Mist | None)
     if "use_pass_position" not in wanted.names:
         passes.pop(POSITION, None)
     if mist is not None and (DEPTH in passes or MIST in passes):
-        depth, cover = _along_projectors(found)
-        density = np.clip((depth - mist.start) / max(mist.range, TINY), 0.0, 1.0) ** mist.exponent
+        depth, distance, cover = _along_projectors(found)
+        density = np.clip((distance - mist.start) / max(mist.range, TINY), 0.0, 1.0) ** mist.exponent
         made = {DEPTH: depth, MIST: 1.0 - cover * (1.0 - density)}
         for name in made.keys() & passes.keys():
             passes[name] = Pass(passes[name].letters, made[name][..., None].astype(np.float32))
@@ -93,8 +93,8 @@ def _divisor(name: str, passes: Mapping[str, Pass]) -> Single | None:
     return None
 
 
-def _along_projectors(found: Mapping[str, Pass]) -> tuple[Array, Array]:
-    """Length of the projector (H, W) up to what a rig's render shows, and the share of samples that meet it.
+def _along_projectors(found: Mapping[str, Pass]) -> tuple[Array, Array, Array]:
+    """Depth (H, W) of what a rig's render shows, its distance, and the share of samples that meet anything.
 
     As the compositor's group, see ``aov_passes``.
     """
@@ -103,8 +103,9 @@ def _along_projectors(found: Mapping[str, Pass]) -> tuple[Array, Array]:
     )
     position, cover = found[POSITION].values.astype(np.float64), place[..., 2]
     share = 1.0 / np.maximum(cover, MET)[..., None]
-    start, rate, length = start * share, rate * share, (along * share)[..., 1]
+    start, rate, (_, depth, distance) = start * share, rate * share, np.moveaxis(along * share, -1, 0)
     speed = np.maximum(np.linalg.norm(rate, axis=-1), TINY)
-    depth = length + ((position - start) * rate).sum(axis=-1) / speed
-    is_met = position.any(axis=-1) & (cover > 0.0)
-    return np.where(is_met, depth, FARTHEST), np.clip(cover, 0.0, 1.0)
+    depth = depth + ((position - start) * rate).sum(axis=-1) / speed
+    is_met = position.any(axis=-1) & (cover > MET)
+    depth, distance = (np.where(is_met, each, FARTHEST) for each in (depth, depth * distance))
+    return depth, distance, np.clip(cover, 0.0, 1.0)

@@ -39,13 +39,15 @@ class View(NamedTuple):
 
     camera: its session id. frame: the place of its picture in the image. projection: what the image shows
     through it, world space. place: (4, 4), without scale, of a camera that Cycles renders without a rig: an
-    ordinary one, or a flexible one whose volume is its own frustum. None for others.
+    ordinary one, or a flexible one whose volume is its own frustum. None for others. is_own: whether the
+    projection is the view of the camera's own lens.
     """
 
     camera: int
     frame: Framed
     projection: Projection
     place: Array | None
+    is_own: bool
 
     @property
     def own(self) -> Projection:
@@ -99,9 +101,10 @@ def _plan(scene, camera, view: View) -> ChordPlan:
     )
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     try:
-        return plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
+        plan = plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
     except PlanError as error:
         raise RigError("{0}", error) from error
+    return replace(plan, is_own_view=view.is_own)
 
 
 def _place(rig, frame: Framed) -> None:

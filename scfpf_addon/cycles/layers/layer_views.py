@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...bridge.camera.ordinary_camera import is_own_frustum, placement
+from ...bridge.camera.ordinary_camera import is_own_frustum, is_own_view, placement
 from ...bridge.layers.read_image_layers import ReadLayers, read_image_layers
 from ...bridge.render.image_size import shown_aspect
 from ...bridge.render.render_inputs import read_view, ready_size
@@ -137,12 +137,15 @@ def _read(depsgraph, camera, size: tuple[int, int]) -> ReadViews:
     aspect = shown_aspect(scene.render, *size)
     layers = read_image_layers(camera, depsgraph, aspect)
     lenses, seen = [camera.data.dof.use_dof], read_view(depsgraph, camera, aspect)
-    views = [View(camera.session_uid, Framed(), seen, _own_place(camera, depsgraph, seen))]
+    is_own = is_own_view(seen, camera.evaluated_get(depsgraph), depsgraph)
+    views = [View(camera.session_uid, Framed(), seen, _own_place(camera, depsgraph, seen), is_own)]
     own = {each.camera.session_uid: each.camera for each in camera.scfpf.layers if each.camera is not None}
-    for layer, uid, frame in zip(layers.layers, layers.cameras, layers.frames, strict=True):
+    own_views = (plane is not None for plane in layers.planes)
+    read = zip(layers.layers, layers.cameras, layers.frames, own_views, strict=True)
+    for layer, uid, frame, is_own in read:
         eye = own[uid].evaluated_get(depsgraph)
         place = None if eye.scfpf.enabled else placement(eye)
-        views.append(View(uid, frame, layer.projection, place))
+        views.append(View(uid, frame, layer.projection, place, is_own))
         lenses.append(eye.data.dof.use_dof)
     halos = any(layer.halo > 0.0 for layer in layers.layers)
     return ReadViews(

@@ -14,8 +14,9 @@ from ...scanline.nodes.field_nodes import FieldBuilder, Value
 from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
 from .mapped_positions import OWN, RECTANGLE
 
-# AOVs, all colours: the start of the chord; Q's change along it, by t; t at the start and the length so far;
-# u, v, and 1 where the ray meets something.
+# AOVs, all colours. The start of the chord; Q's change along it, by t; t and depth at the start, and distance
+# per depth; u, v, and 1 where the ray meets something. Where depth is along the camera's axis, the second is
+# the part of the change along it: t and depth are exact wherever in the pixel the position was seen.
 AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE = "SCFPF Start", "SCFPF Rate", "SCFPF Along", "SCFPF UV"
 AOVS = (AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE)
 # Attributes of the sheets: what each adds to the first three; x, y in the table and whether it is polar.
@@ -26,6 +27,8 @@ INSIDE = "scfpf_inside"
 # Attributes before the nodes: the result of ``mapped_positions``; ``Portals.length``.
 MAPPED, LENGTH = "scfpf_seen", "scfpf_length"
 TURN = 6.283185307179586
+# Least divisor.
+TINY = 1e-30
 
 
 class Chord(NamedTuple):
@@ -46,6 +49,8 @@ class Chord(NamedTuple):
         "Sheet": ("Int", 0, "Vertices of a whole sheet"),
         "Skips": ("Bool", False, "Do rays skip chords?"),
         "Place": ("Vector", None, "x, y, and 1 in a polar picture"),
+        "Matrix": ("Matrix", None, "From the camera's space into the world"),
+        "Along Axis": ("Bool", False, "Is depth measured along the camera's axis?"),
     }
     | {
         f"{part} {when}": (kind, None, f"{text} of the chord along which a ray {goes}")
@@ -75,8 +80,20 @@ def passes_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         return value(onward) * counts - value(before) * behind
 
     start = change(lambda chord: chord.start)
-    rate = change(lambda chord: chord.along * (1.0 / chord.step))
     t = change(lambda chord: chord.t)
+    nodes.open_frame("Along the camera's axis, or along the chord")
+    along_axis, matrix = given["Along Axis"], given["Matrix"]
+    centre = nodes.point((0.0, 0.0, 0.0), matrix, "The Camera's Place")
+    view = nodes.direction((0.0, 0.0, -1.0), matrix, "Its Axis")
+    view = nodes.out("ShaderNodeVectorMath", "Unit", {0: view}, operation="NORMALIZE")
+
+    def per_t(chord: Chord) -> Value:
+        on_axis = view * chord.along.dot(view)
+        part = nodes.switch(along_axis, chord.along, on_axis, "VECTOR", "Along the Axis?")
+        return part * (1.0 / chord.step)
+
+    rate = change(per_t)
+    depth = change(lambda chord: (chord.start - centre).dot(view))
     nodes.open_frame("The place that is seen, through image mappings if there are any")
     x, y, kind = nodes.attribute(MAPPED, "FLOAT_VECTOR").parts()
     through = nodes.xyz(x, y, kind - float(RECTANGLE), "x, y, polar")
@@ -87,18 +104,20 @@ def passes_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     so_far = nodes.out("GeometryNodeAccumulateField", "So Far", inputs, "Trailing", data_type="FLOAT")
     length = before.along.length() * behind - so_far * far
     length = nodes.switch(given["Skips"], length, nodes.attribute(LENGTH), "FLOAT", "Skips?")
-    along = nodes.xyz(t, length, 0.0, "t, Length")
+    depth = nodes.switch(along_axis, length, depth, "FLOAT", "Along the Axis?")
+    along = nodes.xyz(t, depth, 0.0, "t, Depth")
     for aov, value in ((AOV_START, start), (AOV_RATE, rate), (AOV_ALONG, along)):
         geometry = nodes.store(geometry, ADDED[aov], value, "FLOAT_VECTOR")
     geometry = nodes.store(geometry, INSIDE, counts - behind, "FLOAT")
     return {"Geometry": nodes.store(geometry, PLACE, place, "FLOAT_VECTOR")}
 
 
-def add_to_aovs(nodes: FieldBuilder, due, with_place: bool, follow) -> None:
+def add_to_aovs(nodes: FieldBuilder, due, ray: Value | None, follow) -> None:
     """Let a material write into the AOVs.
 
-    due: whether its portal turns the ray, a socket, or None. with_place: whether u and v may begin or end to
-    be known there. follow: (socket, property) drives it by the camera.
+    due: whether its portal turns the ray, a socket, or None. ray: the direction of the ray in the volume,
+    forwards or backwards, where rays may enter or leave it; None elsewhere. follow: (socket, property) drives
+    it by the camera.
     """
     nodes.open_frame("Into AOVs, if the view layer has them")
 
@@ -107,11 +126,18 @@ def add_to_aovs(nodes: FieldBuilder, due, with_place: bool, follow) -> None:
             value = value * Value(nodes, due)
         nodes.node("ShaderNodeOutputAOV", aov, {"Color": value}, aov_name=aov)
 
-    for aov, name in ADDED.items():
-        write(aov, nodes.shader_attribute(name))
-    if with_place:
+    added = {aov: nodes.shader_attribute(name) for aov, name in ADDED.items()}
+    if ray is not None:
+        inside = nodes.shader_attribute(INSIDE, "Fac")
         u, v = _parameters(nodes, nodes.shader_attribute(PLACE), follow)
-        write(AOV_PLACE, nodes.xyz(u, v, 1.0, "u, v, 1") * nodes.shader_attribute(INSIDE, "Fac"))
+        write(AOV_PLACE, nodes.xyz(u, v, 1.0, "u, v, 1") * inside)
+        nodes.open_frame("Distance per depth")
+        rate = added[AOV_RATE]
+        depth = ray.dot(rate).absolute().max(TINY)
+        distance = ray.length() * rate.length() / depth
+        added[AOV_ALONG] = added[AOV_ALONG] + nodes.xyz(0.0, 0.0, distance * inside, "Distance per Depth")
+    for aov, value in added.items():
+        write(aov, value)
 
 
 def writes_place(material) -> bool:

@@ -90,7 +90,8 @@ def chord_end_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     }
     | lens_nodes.INPUTS
     # New inputs come last: drivers of rigs in files refer to the identifiers of these.
-    | {"Away": ("Float", 1.0, "How far the rig's camera is below the scene")},
+    | {"Away": ("Float", 1.0, "How far the rig's camera is below the scene")}
+    | {"Along Axis": ("Bool", False, "Is depth measured along the camera's axis?")},
     {"Geometry": "Geometry"},
     modifier=True,
 )
@@ -136,7 +137,8 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     inputs |= {"t Before": times["Before"], "Step Before": times["Here"] - times["Before"]}
     inputs |= {"Start Onward": here, "Chord Onward": along}
     inputs |= {"t Onward": times["Start"], "Step Onward": times["End"] - times["Start"]}
-    with_passes = nodes.call(pass_nodes.passes_group(), "Passes", inputs)["Geometry"]
+    inputs["Matrix"] = matrix
+    with_passes = nodes.call(pass_nodes.passes_group(), "Passes", inputs, given)["Geometry"]
     geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
     is_sheet = number > 0.5
     place = nodes.switch(
@@ -329,7 +331,8 @@ def _portal(name: str, slot: int, follow):
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
-    pass_nodes.add_to_aovs(nodes, due, slot != SHEET, follow)
+    ray_direction = nodes.shader_attribute(DIRECTION) if slot in (SCREEN, PLAIN) else backwards
+    pass_nodes.add_to_aovs(nodes, due, None if slot == SHEET else ray_direction, follow)
     return material
 
 

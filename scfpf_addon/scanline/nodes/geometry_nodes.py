@@ -12,7 +12,7 @@ from ...bridge.blender import versions
 from .field_nodes import FieldBuilder, Value
 
 # A node group of another build in a file is not used: raise the number with every change of a group.
-BUILD = 15
+BUILD = 16
 BUILD_KEY = "scfpf_build"
 # Custom property: the name that a node group was made with. The artist may rename the group.
 NAME_KEY = "scfpf_name"

@@ -67,7 +67,7 @@ def test_a_twins_passes_are_those_of_the_plain_render(scene, tmp_path):
     file = passes_alone(scene, {"Thing", "Wall", "Floor"}, "Master", False)
     whole = {name.partition(".")[2]: values for name, values in file.items()}
     own = alone(scene, {"Thing"}, transparent=True)[..., 3]
-    new_camera("Side", bpy.data.objects["Master"].matrix_world)
+    twin = new_camera("Side", bpy.data.objects["Master"].matrix_world)
     add("DEPTH")
     found = with_passes(scene, tmp_path / "a.exr")
     assert set(found) == names | {"Combined"}
@@ -81,6 +81,12 @@ def test_a_twins_passes_are_those_of_the_plain_render(scene, tmp_path):
             # At its outline a thing mixes with all that is behind it.
             assert off[(own == 0) | (own == 1)].max() < 1e-5, name
             assert off.mean() < 1e-3, name
+    # A rig with the volume of its camera's own lens measures as an ordinary camera.
+    flexible(twin)
+    found = with_passes(scene, tmp_path / "b.exr")
+    for name in ("Depth", "Mist"):
+        off = np.abs(found[name] / whole[name] - 1)[own == 1]
+        assert off.max() < 1e-5, name
 
 
 def test_passes_of_a_rig_measure_along_its_projectors(scene, tmp_path):
@@ -93,6 +99,8 @@ def test_passes_of_a_rig_measure_along_its_projectors(scene, tmp_path):
         bpy.data.objects[name].pass_index = number
     side = new_camera("Side", looking((-6, -5, 5), (-0.5, 0, 0)))
     flexible(side)
+    # No longer the view of its own lens.
+    side.data.lens *= 1.5
     add("ORDER").halo = 0.4
     found = with_passes(scene, tmp_path / "a.exr")
     place, depth = found["Position"].astype(float), found["Depth"][..., 0]
