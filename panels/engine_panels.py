@@ -202,9 +202,7 @@ class SCFPF_PT_engine_passes(EnginePanel, bpy.types.Panel):
         row.active = view_layer.use_pass_cryptomatte_object or view_layer.use_pass_cryptomatte_material
         row.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
         if view_layer.use_pass_z:
-            draw_text(
-                layout, "Depth: Cycles' in a camera's own view, else from the near surface", "INFO"
-            )
+            draw_text(layout, "Depth: Cycles' in a camera's own view, else from the near surface", "INFO")
 
 
 class SCFPF_PT_engine_filter(EnginePanel, bpy.types.Panel):

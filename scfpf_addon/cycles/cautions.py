@@ -81,6 +81,23 @@ def _about_volume(scene, settings) -> list[str]:
                 "The near surface is in the smoke of '{0}', which Cycles misses: move it out", settings.smoke
             )
         )
+    if settings.smoke_later not in ("", settings.smoke):
+        found.append(
+            Message(
+                "At frame {1} the near surface is in the smoke of '{0}', which Cycles misses: move it out "
+                "and press Update Chords",
+                settings.smoke_later,
+                settings.smoke_frame,
+            )
+        )
+    if settings.smoke_unknown:
+        found.append(
+            Message(
+                "The smoke of '{0}' changes with the frame: press Update Chords, which looks whether the "
+                "near surface gets into it",
+                settings.smoke_unknown,
+            )
+        )
     if settings.raycast:
         found.append(
             Message(

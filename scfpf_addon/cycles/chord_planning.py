@@ -20,8 +20,9 @@ from ..scanline.table.table_object import grid_cells
 from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
 from .portals.sheets import first_sheet, whole_vertices
 from .rig_data import RigError, build_groups, check, check_surfaces, remove_groups
+from .smoke import changing_smoke, keyed_frames, smoke_around
 
-# Frames of an animated volume that its chords are planned for.
+# Frames of an animated volume, or of smoke that changes, that are looked at.
 FRAMES = 9
 # Image positions across and up at which changes of the volume are noticed.
 NOTICED = 7
@@ -29,6 +30,19 @@ NOTICED = 7
 BYTES_PER_VERTEX = 520
 # Progress once the frames are read, and once the node groups are built.
 AFTER_FRAMES, AFTER_GROUPS = 0.4, 0.7
+
+
+class Planned(NamedTuple):
+    """What a rig is made from.
+
+    animated: whether the volume may be. smoke: an object whose smoke the near surface is in at another frame,
+    and that frame; ("", 0) without one. looked_at: the objects whose smoke was followed through the frames.
+    """
+
+    chords: ChordPlan
+    animated: bool
+    smoke: tuple[str, int] = ("", 0)
+    looked_at: tuple[str, ...] = ()
 
 
 class Planning:
@@ -44,16 +58,20 @@ class Planning:
         check_surfaces(camera)
         sync_volume_object(camera)
         self._scene, self._camera = scene.session_uid, camera.session_uid
-        self._name, self._groups = camera.name, None
+        self._name, self._groups, self._has_moved = camera.name, None, False
         self._frame = scene.frame_current, scene.frame_subframe
         self._projections: list[Projection] = []
         self._is_own_view = True
+        self._animated = may_move(camera)
+        self._smoke, self._changing = ("", 0), tuple(changing_smoke(scene, self._animated))
         self._read(context, camera)
         self._frames: list[int] = []
-        if may_move(camera):
+        if self._animated or self._changing:
             ends = scene.frame_start, scene.frame_end
-            self._frames = np.unique(np.linspace(*ends, FRAMES).round().astype(int)).tolist()
-        self._count, self._has_moved = len(self._frames), False
+            frames = {*np.linspace(*ends, FRAMES).round().astype(int).tolist()}
+            frames |= {frame for frame in keyed_frames(self._changing) if ends[0] <= frame <= ends[1]}
+            self._frames = sorted(frames)
+        self._count = len(self._frames)
 
     @property
     def progress(self) -> float:
@@ -82,10 +100,10 @@ class Planning:
             self._groups = build_groups(camera)
         return bool(self._frames) or self._groups is None
 
-    def plan(self, context) -> tuple[ChordPlan, bool]:
-        """The chords for all frames that were read, and whether the volume may be animated."""
+    def plan(self, context) -> Planned:
+        """The chords for all frames that were read."""
         chords = chords_of(self.camera(context), context.scene, self._projections, self._is_own_view)
-        return chords, self._count > 0
+        return Planned(chords, self._animated, self._smoke, self._changing)
 
     def camera(self, context):
         """The camera. Raises RigError if it or its scene has gone."""
@@ -105,7 +123,11 @@ class Planning:
     def _read(self, context, camera) -> None:
         depsgraph = context.evaluated_depsgraph_get()
         projection = read_projection(camera, depsgraph, image_aspect(context.scene))
-        self._projections.append(projection)
+        if self._animated or not self._projections:
+            self._projections.append(projection)
+        if self._changing and self._has_moved and not self._smoke[0]:
+            name = smoke_around(context.scene, projection)
+            self._smoke = name, context.scene.frame_current if name else 0
         self._is_own_view &= is_own_view(projection, camera.evaluated_get(depsgraph), depsgraph)
 
     def _return(self, scene) -> None:
@@ -114,7 +136,7 @@ class Planning:
         self._has_moved = False
 
 
-def planned(context, camera) -> tuple[ChordPlan, bool]:
+def planned(context, camera) -> Planned:
     """Take all steps of a ``Planning`` at once. Raises as it does; nothing is changed then."""
     planning = Planning(context, camera)
     try:

@@ -25,7 +25,7 @@ from ..projection.template_error import Message
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices, seen_data
-from .chord_planning import chords_of, look, planned
+from .chord_planning import Planned, chords_of, look, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .portals.sheets import has_no_area, image_places
 from .rig_data import (
@@ -54,12 +54,14 @@ from .rig_data import (
     write_sheets,
 )
 from .skipping.refresh import forget_all, renew, stop_skipping, watch, write_skipping
-from .smoke import smoke_around
+from .smoke import changing_smoke, may_change_smoke, may_move_smoke, smoke_around
 
 # Sampled image positions across and up for sheets without area.
 SAMPLED = 9
 # The rig of a volume without animation is made smaller again if this share of its chords is enough.
 ENOUGH = 0.7
+# Between the names of objects in a text, none of which has it.
+NAMES_END = "\n"
 STALE = Message("The animated volume has changed: press Update Chords")
 
 # Signature of the volume that each rig was last brought in step with, by session id of the rig.
@@ -93,7 +95,7 @@ def _rewritten(rig) -> Iterator[None]:
             raise
 
 
-def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
+def switch_on(context, camera, plan: Planned | None = None):
     """Make the rig of a camera in the context's scene; return its collection.
 
     It replaces the scene's rig of another camera, and updates that of the same one. plan: of ``Planning``,
@@ -104,7 +106,7 @@ def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
 
 
 @contextmanager
-def switched_on(context, camera, plan: tuple[ChordPlan, bool] | None = None) -> Iterator:
+def switched_on(context, camera, plan: Planned | None = None) -> Iterator:
     """As ``switch_on``, with a block that gets the rig; after any error in it, too, all is as before."""
     scene = context.scene
     present = rig_of(scene)
@@ -115,13 +117,14 @@ def switched_on(context, camera, plan: tuple[ChordPlan, bool] | None = None) -> 
     try:
         with all_or_nothing() as kept, _being_written():
             require_cycles(scene)
-            chords, animated = planned(context, camera) if plan is None else plan
+            plan = planned(context, camera) if plan is None else plan
+            chords = plan.chords
             _keep_settings(kept, scene, camera)
             if present is not None:
                 _look_through(scene, present.scfpf_rig.camera, False)
                 give_back(present)
             rig = make_rig(scene, camera, chords)
-            rig.scfpf_rig.animated = animated
+            _note_plan(rig, plan)
             _hide_surfaces()
             _look_through(scene, camera, True)
             write_skipping(rig, chords)
@@ -148,18 +151,27 @@ def _keep_settings(kept: Kept, scene, camera) -> None:
         kept.keep(space, "camera", "use_local_camera")
 
 
-def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
+def update(context, rig, plan: Planned | None = None) -> None:
     """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
-    chords, animated = planned(context, rig.scfpf_rig.camera) if plan is None else plan
+    plan = planned(context, rig.scfpf_rig.camera) if plan is None else plan
+    chords = plan.chords
     with _rewritten(rig):
         rig.scfpf_rig.is_own_view = chords.is_own_view
         update_nodes(rig)
         renew_materials(rig)
         aov_passes.renew(rig.scfpf_rig.scene)
-        rig.scfpf_rig.animated = animated
+        _note_plan(rig, plan)
         rig.scfpf_rig.problem = ""
         write_skipping(rig, chords)
         _note(rig, context.evaluated_depsgraph_get(), chords)
+
+
+def _note_plan(rig, plan: Planned) -> None:
+    """Note what the frames of a plan have shown."""
+    settings = rig.scfpf_rig
+    settings.animated = plan.animated
+    settings.smoke_later, settings.smoke_frame = plan.smoke
+    settings.smoke_known, settings.smoke_unknown = NAMES_END.join(plan.looked_at), ""
 
 
 def prepare_render(context, rig, animation: bool = False, apart: bool = False) -> None:
@@ -240,10 +252,13 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
             if may_remove:
                 switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
-            _follow(rig, depsgraph)
+            shows_others = _may_show_others(depsgraph)
+            _follow(rig, depsgraph, shows_others or may_move_smoke(depsgraph), may_remove)
             watch(rig, depsgraph, has_new_frame=not may_remove)
-            if _may_show_others(depsgraph):
+            if shows_others:
                 _note_materials(rig)
+            if may_remove and may_change_smoke(depsgraph, shows_others):
+                _note_changing_smoke(rig, depsgraph)
     if may_remove:
         hidden_surfaces.hide_surfaces(bool(rigs()))
 
@@ -257,7 +272,11 @@ def _may_show_others(depsgraph) -> bool:
     return any(each.is_updated_geometry and each.id.id_type == "OBJECT" for each in depsgraph.updates)
 
 
-def _follow(rig, depsgraph) -> None:
+def _follow(rig, depsgraph, smoke_may_differ: bool, is_edited: bool) -> None:
+    """Bring a rig in step with an update.
+
+    smoke_may_differ: whether the update may have changed the smoke. is_edited: False for another frame.
+    """
     settings = rig.scfpf_rig
     seen = _seen.get(rig.session_uid)
     try:
@@ -266,6 +285,8 @@ def _follow(rig, depsgraph) -> None:
             update_nodes(rig)
         projection, now = look(settings.camera, settings.scene, depsgraph)
         if seen == now and not settings.problem:
+            if smoke_may_differ:
+                _note_smoke(rig, projection)
             return
         stop_skipping(rig)
         structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
@@ -274,8 +295,11 @@ def _follow(rig, depsgraph) -> None:
         # An animated volume is the camera's own view if it is at all frames.
         follow_view(rig, now[-1] and (settings.is_own_view or not settings.animated))
         problem = _fit_chords(rig, projection, structure_changed)
-        _note_smoke(rig, depsgraph, projection)
+        _note_smoke(rig, projection)
         _note_materials(rig)
+        if is_edited and settings.smoke_known:
+            # The plan has followed it from another volume.
+            _note_values(settings, smoke_unknown=settings.smoke_known.split(NAMES_END)[0])
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError, RigError) as error:
         problem = told(error)
@@ -307,13 +331,22 @@ def _note(rig, depsgraph, chords: ChordPlan) -> None:
     projection, now = look(rig.scfpf_rig.camera, rig.scfpf_rig.scene, depsgraph)
     _seen[rig.session_uid] = now
     _note_flat(rig, projection, chords)
-    _note_smoke(rig, depsgraph, projection)
+    _note_smoke(rig, projection)
     _note_materials(rig)
 
 
-def _note_smoke(rig, depsgraph, projection: Projection) -> None:
+def _note_smoke(rig, projection: Projection) -> None:
     """Note whether rays begin inside the volume of an object."""
-    _note_values(rig.scfpf_rig, smoke=smoke_around(depsgraph, projection))
+    _note_values(rig.scfpf_rig, smoke=smoke_around(rig.scfpf_rig.scene, projection))
+
+
+def _note_changing_smoke(rig, depsgraph) -> None:
+    """Note smoke that changes with the frame, unless the plan has followed it as it is."""
+    settings = rig.scfpf_rig
+    names = changing_smoke(settings.scene, settings.animated)
+    known = [] if depsgraph.id_type_updated("ACTION") else settings.smoke_known.split(NAMES_END)
+    unknown = next((name for name in names if name not in known), "")
+    _note_values(settings, smoke_unknown=settings.smoke_unknown or unknown if names else "")
 
 
 def _note_materials(rig) -> None:

@@ -88,6 +88,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         min=1.0,
     )
     smoke: text("Smoke", "An object with a volume that the near surface is inside of: rays do not know of it")
+    smoke_later: text("Smoke Later", "An object whose smoke the near surface is in at another frame")
+    smoke_frame: tracked(IntProperty, "Smoke Frame", "The first frame looked at with smoke", default=0)
+    smoke_known: text("Known Smoke", "The objects whose smoke was followed through the frames")
+    smoke_unknown: text(
+        "Unknown Smoke", "An object with smoke that may change with the frame, not yet followed"
+    )
     raycast: text("Raycast", "A material, lamp or world whose Raycast node meets the rig's sheets")
     asks_camera: text(
         "Asks the Camera",

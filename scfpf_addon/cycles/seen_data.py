@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The materials, worlds, lamps and drawings that renders of a scene meet, wherever they come from."""
+"""The objects, materials, worlds, lamps and drawings that renders meet, wherever they come from."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import bpy
 import numpy as np
+from bpy.types import Object
 
 from ..bridge.blender.rig_mark import is_rig_part
 from ..bridge.scene.read_visibility import ShownInRenders, rendered_objects
@@ -28,15 +29,44 @@ def seen_data(scene) -> set:
     for layer in _rendered_layers(scene):
         world = layer.world_override or scene.world
         found |= {world} - {None}
-        override, evaluated = layer.material_override, set()
-        for obj in _shown(layer):
-            evaluated.add(obj.original)
+        override = layer.material_override
+        for _, obj in _shown(layer):
             if obj.type == "LIGHT":
                 found.add(obj.data.original)
             else:
-                found |= {override} if override else _materials(obj)
-        found |= _might_use(_unevaluated(layer))
+                found |= {override} if override else materials_of(obj)
+        found |= might_use(_unevaluated(layer))
     return found
+
+
+def links(owner, output: str, socket: str) -> bool:
+    """Return whether a datablock's nodes end in a linked socket of an output node."""
+    if owner is None or owner.node_tree is None:
+        return False
+    return any(node.type == output and node.inputs[socket].is_linked for node in owner.node_tree.nodes)
+
+
+def seen_instances(scene, is_meant: Callable[[Object, set], bool]) -> Iterator[tuple]:
+    """Each evaluated object that renders show and that is meant, its matrix and its instancer.
+
+    is_meant: of an object and the materials on it. An object is its own instancer if nothing instances it.
+    Objects that instances share come once for each.
+    """
+    for layer in _rendered_layers(scene):
+        override = layer.material_override
+        meant = {
+            key
+            for key, obj in _shown(layer)
+            if obj.type != "LIGHT" and is_meant(obj, {override} if override else materials_of(obj))
+        }
+        for instance in layer.depsgraph.object_instances if meant else ():
+            if _key(instance) in meant:
+                yield instance.object, instance.matrix_world.copy(), instance.parent or instance.object
+
+
+def unevaluated_objects(scene) -> set:
+    """The objects that renders show, and that no viewport evaluates."""
+    return set().union(*(_unevaluated(layer) for layer in _rendered_layers(scene)))
 
 
 def strokes(scene) -> str:
@@ -46,7 +76,7 @@ def strokes(scene) -> str:
     names = set()
     for layer in _rendered_layers(scene):
         if layer.use_grease_pencil:
-            shown = [*(obj.original for obj in _shown(layer)), *_unevaluated(layer)]
+            shown = [*(obj.original for _, obj in _shown(layer)), *_unevaluated(layer)]
             names |= {obj.name for obj in shown if obj.type == "GREASEPENCIL"}
     return min(names, default="")
 
@@ -56,21 +86,26 @@ def _rendered_layers(scene) -> list:
     return layers or list(scene.view_layers[:1])
 
 
-def _shown(layer) -> Iterator:
-    """Each evaluated object that renders show, once for each of its data, instances too."""
+def _shown(layer) -> Iterator[tuple]:
+    """The key and the object of each evaluated one that renders show, once for each key; instances too."""
     depsgraph = layer.depsgraph
     if depsgraph is None:
         return
     shown, known = ShownInRenders(depsgraph), set()
     for instance in depsgraph.object_instances:
-        obj, parent = instance.object, instance.parent
-        pointer = obj.data.as_pointer() if obj.data else 0
-        key = (obj.original.session_uid, pointer, parent.original.session_uid if parent else 0)
+        key = _key(instance)
         if key in known:
             continue
         known.add(key)
-        if not is_rig_part(obj) and shown.rays(obj, parent):
-            yield obj
+        if not is_rig_part(instance.object) and shown.rays(instance.object, instance.parent):
+            yield key, instance.object
+
+
+def _key(instance) -> tuple[int, int, int]:
+    """The object, the data and the instancer of an instance: those with the same key have the same look."""
+    obj, parent = instance.object, instance.parent
+    pointer = obj.data.as_pointer() if obj.data else 0
+    return obj.original.session_uid, pointer, parent.original.session_uid if parent else 0
 
 
 def _unevaluated(layer) -> set:
@@ -79,7 +114,7 @@ def _unevaluated(layer) -> set:
     return {obj for obj in rendered_objects(layer) - present if not (obj.hide_render or is_rig_part(obj))}
 
 
-def _materials(obj) -> set:
+def materials_of(obj) -> set:
     """The original materials on an evaluated object; of a mesh those that its faces have."""
     used = [slot.material for slot in obj.material_slots]
     own = list(getattr(obj.data, "materials", ()))
@@ -95,14 +130,32 @@ def _materials(obj) -> set:
     return {material.original for material in used if material is not None}
 
 
-def _might_use(objects: set) -> set:
+def might_use(objects: set) -> set:
     """The materials and lamps that objects reach through their data, nodes, collections and particles."""
-    if not objects:
-        return set()
+    return {each for each in _reached(objects) if each.id_type in {"MATERIAL", "LIGHT"}}
+
+
+def might_use_each(objects: set) -> Iterator[tuple]:
+    """Each object and what it reaches: ``might_use``, and the objects that it may show."""
+    uses = _uses() if objects else {}
+    for obj in objects:
+        yield obj, _reached({obj}, uses)
+
+
+def _uses() -> dict:
+    """What each datablock uses."""
     uses = defaultdict(set)
     for each, users in bpy.data.user_map().items():
         for user in users:
             uses[user].add(each)
+    return uses
+
+
+def _reached(objects: set, uses: dict | None = None) -> set:
+    """The datablocks that objects reach, as ``might_use``, themselves too. uses: None to find them."""
+    if not objects:
+        return set()
+    uses = _uses() if uses is None else uses
     reached, pending = set(), list(objects)
     while pending:
         each = pending.pop()
@@ -113,4 +166,4 @@ def _might_use(objects: set) -> set:
         instances = each.id_type != "OBJECT" or any(mod.type == "NODES" for mod in each.modifiers)
         kinds = LEADING | {"LIGHT"} | ({"OBJECT"} if instances else set())
         pending += [used for used in uses[each] if used.id_type in kinds]
-    return {each for each in reached if each.id_type in {"MATERIAL", "LIGHT"}}
+    return reached

@@ -14,6 +14,7 @@ from ...bridge.scene.read_visibility import ShownInRenders, has_hair
 from ...casting.common.ray_visibility import CAMERA
 from ...casting.layers.layer_parts import DIRECTIONS, Box, Hull
 from ...projection.typing import Array
+from ..seen_data import materials_of
 from ..skipping.reasons import displaces
 
 
@@ -109,4 +110,4 @@ def _is_open(obj, scene) -> bool:
     subdivided = (each for each in obj.modifiers if each.type == "SUBSURF" and each.show_render)
     if any(versions.is_subdivided_adaptively(each, obj, scene) for each in subdivided):
         return True
-    return any(displaces(slot.material) for slot in obj.material_slots)
+    return any(displaces(material) for material in materials_of(obj))

@@ -12,7 +12,7 @@ import numpy as np
 from ...bridge.blender.rig_mark import PASSING_KEY, has_other_animation, is_rig_part
 from ...bridge.scene.mesh_arrays import corner_vertices, foreach, of_mesh, triangle_corners
 from ...projection.typing import Array, IndexArray
-from .reasons import links
+from ..seen_data import links, materials_of
 
 # Objects of these types show nothing to Cycles' rays.
 UNSEEN = {"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT_PROBE", "SPEAKER"}
@@ -122,7 +122,7 @@ def _mesh_parts(obj, override, meshes: dict[int, list[Part]]) -> list[Part]:
     _require_bounded(obj)
     key = obj.data.as_pointer()
     if key not in meshes:
-        vertices, triangles = of_mesh(obj, _triangles)
+        vertices, triangles = of_mesh(obj, mesh_triangles)
         meshes[key] = [Part(vertices, triangles)] if len(triangles) else []
     whole = [Part(corners_of(part.points), None) for part in meshes[key]]
     if _is_diced(obj):
@@ -157,7 +157,7 @@ def _is_indirect(instance, view_layer) -> bool:
     return top.original.indirect_only_get(view_layer=view_layer)
 
 
-def _triangles(mesh) -> tuple[Array, Array]:
+def mesh_triangles(mesh) -> tuple[Array, Array]:
     """Vertices (V, 3) and triangles (T, 3) of an evaluated mesh."""
     if len(mesh.polygons) == 0:
         return np.empty((0, 3)), np.empty((0, 3), np.int32)
@@ -175,7 +175,7 @@ def _require_bounded(obj) -> None:
 
 def _is_filled(obj, override) -> bool:
     """Return whether smoke fills an object: then its inside is not empty."""
-    materials = [override] if override else [slot.material for slot in obj.material_slots]
+    materials = {override} if override else materials_of(obj)
     return any(links(material, "OUTPUT_MATERIAL", "Volume") for material in materials)
 
 

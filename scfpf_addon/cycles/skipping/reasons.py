@@ -8,6 +8,7 @@ import bpy
 from ...bridge.blender.rig_mark import has_other_animation
 from ..chord_planning import may_move
 from ..hidden_surfaces import hidden_from_rigs
+from ..seen_data import links
 from .stillness import motion_of
 
 
@@ -60,10 +61,3 @@ def displaces(material) -> bool:
     """Return whether a material, None for none, moves the faces that have it."""
     moves_faces = material is not None and material.displacement_method != "BUMP"
     return moves_faces and links(material, "OUTPUT_MATERIAL", "Displacement")
-
-
-def links(owner, output: str, socket: str) -> bool:
-    """Return whether a datablock's nodes end in a linked socket of an output node."""
-    if owner is None or owner.node_tree is None:
-        return False
-    return any(node.type == output and node.inputs[socket].is_linked for node in owner.node_tree.nodes)

@@ -379,3 +379,218 @@ def test_grease_pencil_and_freestyle_are_named(addon, straight, rig_of, as_insta
     straight.render.use_freestyle = bpy.context.view_layer.use_freestyle = True
     straight.collection.objects.link(bpy.data.objects.new("Another", None))
     assert len(said()) == 1 and "Freestyle" in said()[0]
+
+
+def smoking(obj, name="Smoke"):
+    """A material of smoke alone, and an object that is large enough to hold the camera."""
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    scatter, end = nodes.new("ShaderNodeVolumeScatter"), nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(scatter.outputs[0], end.inputs["Volume"])
+    obj.data.transform(Matrix.Scale(20, 4))
+    obj.name = "Cloud"
+    return material
+
+
+SMOKE_PLACES = [
+    place for place in PLACES if place not in (particles, curves, volume, group_in_a_material, override)
+]
+
+
+@pytest.fixture
+def around(addon, straight):
+    """The name of the smoke that the near surface of the camera's own view is in at present."""
+    bpy.context.view_layer.objects.active = straight.camera
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+
+    def find():
+        bpy.context.view_layer.update()
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        projection = addon("bridge.camera.read_projection").read_projection(straight.camera, depsgraph, 1.5)
+        return addon("cycles.smoke").smoke_around(straight, projection)
+
+    return find
+
+
+@pytest.mark.parametrize("place", SMOKE_PLACES, ids=lambda place: place.__name__)
+def test_smoke_around_the_camera_is_named_wherever_it_comes_from(addon, straight, around, place):
+    """Not once everything is moved away; what viewports do not show, too."""
+    MODIFIER_INPUTS[0] = addon("bridge.blender.versions").set_modifier_input
+    obj, before = bpy.data.objects["Cube"], {*bpy.data.objects}
+    place(obj, smoking(obj))
+    made = {*straight.collection.objects} - before | {obj}
+    for hidden in (False, True):
+        for each in made:
+            each.hide_viewport = hidden
+        assert around() in {each.name for each in made}
+        for each in made:
+            each.location.x += 100
+        assert around() == ""
+        for each in made:
+            each.location.x -= 100
+
+
+@pytest.mark.parametrize("place", [unused_slot, replaced_by_nodes, not_rendered, excluded, of_nobody])
+def test_smoke_that_no_ray_meets_is_not_named(straight, around, place):
+    obj = bpy.data.objects["Cube"]
+    place(obj, smoking(obj))
+    assert around() == ""
+
+
+def test_a_hollow_mesh_of_smoke_and_one_in_edit_mode(straight, around):
+    """The camera is in the hole of a torus: in its box, but not in the smoke."""
+    material = smoking(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_torus_add(location=(0, 0, 5), major_radius=6, minor_radius=2)
+    torus = bpy.context.object
+    torus.data.materials.append(material)
+    for mode in ("OBJECT", "EDIT"):
+        for x, said in ((0, ""), (6, torus.name)):
+            torus.location.x = x
+            bpy.ops.object.mode_set(mode=mode)
+            assert around() == said
+            bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def keyed(owner, path, values):
+    """Insert keyframes of a property. values: by frame."""
+    for frame, value in values.items():
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def moved_in(cloud):
+    keyed(cloud, "location", {1: (100, 0, 0), 20: (0, 0, 0)})
+
+
+def passing_by(cloud):
+    """It passes between the frames that are looked at in any case."""
+    keyed(cloud, "location", {3: (100, 0, 0), 5: (0, 0, 0), 7: (100, 0, 0)})
+
+
+def appearing(cloud):
+    cloud.location.x = 0
+    keyed(cloud, "hide_render", {1: True, 15: False})
+
+
+def driven(cloud):
+    driver = cloud.driver_add("location", 0).driver
+    driver.expression = "100 - 5 * frame"
+
+
+def parented(cloud):
+    parent = bpy.data.objects.new("Parent", None)
+    bpy.context.scene.collection.objects.link(parent)
+    cloud.parent, cloud.location.x = parent, 0
+    moved_in(parent)
+
+
+def constrained(cloud):
+    target = bpy.data.objects.new("Target", None)
+    bpy.context.scene.collection.objects.link(target)
+    moved_in(target)
+    cloud.constraints.new("COPY_LOCATION").target = target
+
+
+def by_scene_time(cloud):
+    cloud.location.x = 0
+    tree, node, _ = with_node("GeometryNodeTransform", "Moves")
+    time, offset = tree.nodes.new("GeometryNodeInputSceneTime"), tree.nodes.new("ShaderNodeVectorMath")
+    offset.operation, offset.inputs[1].default_value = "MULTIPLY_ADD", (-5, 0, 0)
+    offset.inputs[2].default_value = (100, 0, 0)
+    tree.links.new(time.outputs["Frame"], offset.inputs[0])
+    tree.links.new(offset.outputs[0], node.inputs["Translation"])
+    modify(cloud, tree)
+
+
+def instanced(cloud):
+    """An instance of a collection moves in; the object itself is in no view layer."""
+    scene, parts = bpy.context.scene, bpy.data.collections.new("Parts")
+    cloud.location.x = 0
+    scene.collection.objects.unlink(cloud)
+    parts.objects.link(cloud)
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", parts
+    scene.collection.objects.link(empty)
+    moved_in(empty)
+
+
+def driven_into(cloud):
+    """The camera moves into still smoke."""
+    cloud.location.x = 100
+    keyed(bpy.context.scene.camera, "location", {1: (0, 0, 5), 20: (100, 0, 5)})
+
+
+TIMES = (
+    moved_in,
+    passing_by,
+    appearing,
+    driven,
+    parented,
+    constrained,
+    by_scene_time,
+    instanced,
+    driven_into,
+)
+
+
+@pytest.mark.parametrize("time", TIMES, ids=lambda time: time.__name__)
+def test_smoke_at_other_frames_is_found(addon, straight, around, time):
+    """By what may change, without evaluating frames; then by a few frames. Each finds it by itself."""
+    obj = bpy.data.objects["Cube"]
+    obj.data.materials.append(smoking(obj))
+    straight.frame_end, obj.location.x = 20, 100
+    smoke, name = addon("cycles.smoke"), "Instance" if time is instanced else "Cloud"
+    assert smoke.changing_smoke(straight) == [] and around() == ""
+    time(obj)
+    straight.frame_set(1)
+    assert smoke.changing_smoke(straight, time is driven_into) == [name] and around() == ""
+    plan = addon("cycles.chord_planning").planned(bpy.context, straight.camera)
+    assert plan.smoke[0] == name and 1 < plan.smoke[1] <= 20 and plan.looked_at == (name,)
+    assert straight.frame_current == 1
+    straight.frame_set(plan.smoke[1])
+    assert around() == name
+    straight.frame_end = straight.frame_start
+    assert smoke.changing_smoke(straight, True) == []
+
+
+def test_the_panel_names_smoke_at_other_frames(addon, straight, rig_of):
+    """Smoke that changes is named until *Update Chords* has looked; then where it meets the near surface."""
+    obj, layer = bpy.context.object, bpy.context.view_layer
+    straight.frame_end, obj.location.x = 20, 100
+    obj.data.materials.append(smoking(obj))
+    set_up(straight.camera, straight)
+    settings = rig_of().scfpf_rig
+
+    def said():
+        texts = addon("cycles.cautions").cautions(straight, layer, rig_of())
+        return [text for text in texts if "Cloud" in text]
+
+    assert said() == []
+    keyed(obj, "location", {1: (100, 0, 0), 20: (100, 50, 0)})
+    layer.update()
+    assert len(said()) == 1 and "Update Chords" in said()[0]
+    assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"}
+    assert said() == []
+    # What was followed may be elsewhere after an edit of its animation, or of the volume.
+    keyed(obj, "location", {20: (0, 0, 0)})
+    layer.update()
+    straight.frame_set(1)
+    assert len(said()) == 1 and settings.smoke == ""
+    assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"}
+    assert len(said()) == 1 and f"frame {settings.smoke_frame}" in said()[0]
+    settings.camera.scfpf.surfaces[0].object.location.x += 0.01
+    layer.update()
+    assert settings.smoke_unknown == "Cloud"
+
+
+@pytest.mark.parametrize("place", [slot_of_data, set_material], ids=lambda place: place.__name__)
+def test_the_inside_of_smoke_is_not_skipped(addon, straight, place):
+    """Besides its faces it counts as its box, wherever the material comes from."""
+    obj = bpy.context.object
+    place(obj, smoking(obj))
+    bpy.context.view_layer.update()
+    found = addon("cycles.skipping.bodies").seen_parts(bpy.context.evaluated_depsgraph_get())
+    assert [len(parts) for _key, _matrix, parts in found] == [2]
