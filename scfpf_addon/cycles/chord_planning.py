@@ -8,24 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bridge.blender.rig_mark import has_other_animation
 from ..bridge.blender.scene_objects import holds, object_by_uid, scene_by_uid
 from ..bridge.camera.ordinary_camera import is_own_view
 from ..bridge.camera.read_projection import read_projection
 from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
 from ..projection.volume.viewing_volume import Projection
-from ..scanline.table.mapping_table import image_signature
 from ..scanline.table.table_object import grid_cells
 from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
 from .portals.sheets import first_sheet, whole_vertices
 from .rig_data import RigError, build_groups, check, check_surfaces, remove_groups
 from .smoke import changing_smoke, keyed_frames, smoke_around
+from .watched_volume import may_move
 
 # Frames of an animated volume, or of smoke that changes, that are looked at.
 FRAMES = 9
-# Image positions across and up at which changes of the volume are noticed.
-NOTICED = 7
 # Memory of the sheets in Blender and in Cycles: 520 bytes a vertex, measured with 500,000.
 BYTES_PER_VERTEX = 520
 # Progress once the frames are read, and once the node groups are built.
@@ -159,46 +156,6 @@ def chords_of(camera, scene, projections: list[Projection], is_own_view: bool = 
     except PlanError as error:
         raise RigError("{0}", error) from error
     return replace(plan, is_own_view=is_own_view)
-
-
-def may_move(camera) -> bool:
-    """Return whether anything of the volume may be animated."""
-    pending = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
-    seen = set()
-    while pending:
-        obj = pending.pop()
-        if obj in seen:
-            continue
-        seen.add(obj)
-        keys = getattr(obj.data, "shape_keys", None)
-        if any(owner is not None and has_other_animation(owner) for owner in (obj, obj.data, keys)):
-            return True
-        if len(obj.constraints) or any(m.type != "NODES" for m in obj.modifiers):
-            return True
-        if obj.parent is not None:
-            pending.append(obj.parent)
-    return False
-
-
-def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
-    """The present projection and its signature.
-
-    The signature is the structure, which nodes cannot follow, and the rest. Its last item is whether the
-    volume is the camera's own view.
-    """
-    own = camera.scfpf
-    check_surfaces(camera)
-    projection = read_projection(camera, depsgraph, image_aspect(scene))
-    surfaces = tuple(
-        (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
-    )
-    focus = camera.data.dof.focus_object
-    picture = image_signature(camera, scene)
-    structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
-    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
-    points = projection.projectors(x, y).points.astype(np.float32).tobytes()
-    is_own = is_own_view(projection, camera.evaluated_get(depsgraph), depsgraph)
-    return projection, (structure, points, image_size(scene), own.pixel_error, is_own)
 
 
 class Price(NamedTuple):

@@ -10,8 +10,9 @@ import bpy
 
 from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.render_errors import RenderError
-from .chord_planning import Price, chords_of, look, price_of_plan
+from .chord_planning import Price, chords_of, price_of_plan
 from .rig_data import RigError
+from .watched_volume import look
 
 # Seconds without a change before a price is computed.
 PATIENCE = 0.4

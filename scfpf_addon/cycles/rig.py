@@ -25,7 +25,7 @@ from ..projection.template_error import Message
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices, seen_data
-from .chord_planning import Planned, chords_of, look, planned
+from .chord_planning import Planned, chords_of, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .portals.sheets import has_no_area, image_places
 from .rig_data import (
@@ -55,6 +55,7 @@ from .rig_data import (
 )
 from .skipping.refresh import forget_all, renew, stop_skipping, watch, write_skipping
 from .smoke import changing_smoke, may_change_smoke, may_move_smoke, smoke_around
+from .watched_volume import look
 
 # Sampled image positions across and up for sheets without area.
 SAMPLED = 9

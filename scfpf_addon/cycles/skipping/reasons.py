@@ -6,9 +6,9 @@ from __future__ import annotations
 import bpy
 
 from ...bridge.blender.rig_mark import has_other_animation
-from ..chord_planning import may_move
 from ..hidden_surfaces import hidden_from_rigs
 from ..seen_data import links
+from ..watched_volume import may_move
 from .stillness import motion_of
 
 

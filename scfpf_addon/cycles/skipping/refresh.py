@@ -13,9 +13,9 @@ import bpy
 from ...bridge.blender.drivers import add_scene_property, new_driver
 from ...bridge.blender.modifier_inputs import input_property, set_inputs
 from ...projection.mappings.stack import is_disc
-from ..chord_planning import look
 from ..chords.chord_plan import ChordPlan
 from ..rig_data import MODIFIER, has_new_materials, present_chords, write_sheets
+from ..watched_volume import look
 from .reasons import movers_of, moves, obstacle
 from .scene_state import SceneState, has_unwatched, shape_edits, state_of
 from .skip_chords import Look, NotSkipping, faces_that_skip
