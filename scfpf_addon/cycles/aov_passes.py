@@ -36,7 +36,7 @@ MIST_PATHS = {
     "Mist Depth": ("depth", "mist"),
     "Mist Falloff": ("falloff", "2 if mist == 0 else 1 if mist == 1 else 0.5"),
 }
-# Cycles' mist in a scene without a world; the falloff as its number.
+# Cycles' mist in a scene without a world.
 NO_MIST = {"Mist Start": 0.0, "Mist Depth": 100.0, "Mist Falloff": 1.0}
 # Outputs of the group.
 RESULTS = {
@@ -90,9 +90,13 @@ def renew(scene) -> None:
         if not is_current(node.node_tree):
             node.node_tree = _group()
         for name, (path, expression) in MIST_PATHS.items():
-            driver = new_driver(node.inputs[name], "default_value", expression)
-            target = add_property(driver, scene.world, f"mist_settings.{path}", "mist", "WORLD")
-            target.use_fallback_value, target.fallback_value = True, NO_MIST[name]
+            socket = node.inputs[name]
+            if scene.world is None:
+                socket.driver_remove("default_value")
+                socket.default_value = NO_MIST[name]
+            else:
+                driver = new_driver(socket, "default_value", expression)
+                add_property(driver, scene.world, f"mist_settings.{path}", "mist", "WORLD")
 
 
 def is_in_step(scene) -> bool:
@@ -102,11 +106,19 @@ def is_in_step(scene) -> bool:
         return False
     animation = groups[0].id_data.animation_data if groups else None
     drivers = {} if animation is None else {curve.data_path: curve.driver for curve in animation.drivers}
-    followed = [
-        drivers.get(node.inputs[name].path_from_id("default_value")) for node in groups for name in MIST_PATHS
-    ]
-    # An artist may have removed some.
-    return all(driver is None or driver.variables[0].targets[0].id == scene.world for driver in followed)
+    for node in groups:
+        sockets = {name: node.inputs[name] for name in MIST_PATHS}
+        followed = [drivers.get(socket.path_from_id("default_value")) for socket in sockets.values()]
+        worlds = {driver.variables[0].targets[0].id for driver in followed if driver is not None}
+        # An artist may have removed drivers, to have another mist.
+        is_left = not worlds and all(sockets[name].default_value == NO_MIST[name] for name in NO_MIST)
+        if (
+            worlds - {scene.world}
+            or (scene.world is None and worlds)
+            or (scene.world is not None and is_left)
+        ):
+            return False
+    return True
 
 
 def remove(scene) -> None:

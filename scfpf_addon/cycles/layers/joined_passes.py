@@ -15,7 +15,7 @@ import numpy as np
 from ...bridge.blender.versions import index_pass_names
 from ...projection.typing import Array
 from ...shading.typing import Single
-from ..aov_passes import AOVS, FARTHEST, MET, TINY
+from ..aov_passes import AOVS, FARTHEST, MET, NO_MIST, TINY
 from ..portals.pass_nodes import AOV_ALONG, AOV_PLACE, AOV_RATE, AOV_START
 from .exr_passes import Pass
 from .switched_passes import SwitchedPasses
@@ -42,7 +42,7 @@ class Mist(NamedTuple):
     def of(cls, world) -> Mist:
         """That of a world, or of None."""
         if world is None:
-            return cls(0.0, 1.0, 1.0)
+            return cls(*NO_MIST.values())
         mist = world.mist_settings
         return cls(mist.start, mist.depth, FALLOFFS[mist.falloff])
 

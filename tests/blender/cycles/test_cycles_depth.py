@@ -90,6 +90,24 @@ def test_depth_and_mist_of_a_cameras_own_view_are_cycles(camera, rig_of, name):
     assert np.median(off) < 1e-3 and (off.max() < 1e-3 or name == "perspective")
 
 
+def test_mist_without_a_world(addon, camera):
+    """Cycles' own settings, which layers have as well."""
+    bpy.context.scene.world = None
+    density = ordinary()[1]
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    assert switch(camera) == {"FINISHED"} and bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
+    assert 0.02 < density.min() < 0.2
+    np.testing.assert_allclose(composed()[1], density, atol=1e-5)
+    step = addon("cycles.aov_passes").is_in_step
+    assert step(bpy.context.scene)
+    bpy.context.scene.world = bpy.data.worlds[0]
+    assert not step(bpy.context.scene)
+    assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"} and step(bpy.context.scene)
+    bpy.context.scene.world = None
+    assert not step(bpy.context.scene)
+    assert addon("cycles.layers.joined_passes").Mist.of(None) == (0.0, 100.0, 1.0)
+
+
 def test_depth_and_mist_of_another_view_are_lengths(camera, rig_of):
     """From the near surface, once the lens is no longer that of the volume."""
     mist = bpy.context.scene.world.mist_settings

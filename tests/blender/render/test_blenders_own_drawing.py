@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """F12 beside Cycles through the same camera: depth, Freestyle and Grease Pencil, which Blender draws."""
 
+import pathlib
+
 import bpy
 import numpy as np
 import pytest
@@ -80,10 +82,13 @@ def test_a_wall_before_the_camera_has_one_depth(engine_scene):
     bpy.data.objects["Cube"].hide_render = True
     bpy.context.view_layer.objects.active = camera
     assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    file = pathlib.Path(f"{engine_scene.render.filepath}.exr")
     np.testing.assert_allclose(depth_of(f12(engine_scene)), 5.0, rtol=1e-5)
+    assert b"Distance from the camera along its axis" in file.read_bytes()
     # No longer the camera's own view: the length of projectors, which differs.
     camera.data.lens *= 1.1
     assert np.ptp(depth_of(f12(engine_scene))) > 0.1
+    assert b"Length of the projector from the near surface" in file.read_bytes()
 
 
 @pytest.mark.parametrize("drawing", ["Freestyle", "Grease Pencil"])
