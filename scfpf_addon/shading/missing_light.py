@@ -20,13 +20,11 @@ from ..casting.scene.cast_scene import CastScene
 from ..projection.colors import LUMINANCE
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
-from .nodes.context import ShadingContext
-from .nodes.graph import MaterialGraph
 from .nodes.light_path import WORLD_LIGHT
 from .scene.shading_scene import Light, Scene
 from .scene.sky_map import map_areas, map_directions
-from .scene.world import UP, WorldContext
-from .tracing.closure_table import closures_at
+from .scene.world import UP
+from .tracing.glows import emitted
 from .vectors import dot
 
 # Image positions across and up, rays from each place, and the most triangles that they can meet.
@@ -90,21 +88,6 @@ def missing_light(scene: Scene, projection: Projection) -> MissingLight:
     total = own + _world_irradiance(scene) * (1.0 - hidden) + _lamp_irradiance(scene, places)
     glow = np.divide(own, total, out=np.zeros_like(own), where=total > 0.0)
     return MissingLight(float(glow.mean()), float(hidden.mean()), bool(total.any()))
-
-
-def emitted(scene: Scene) -> Array:
-    """The luminance that each material emits to others, (M,); of graphs the mean over directions."""
-    found: Array = np.asarray(scene.materials.emission, np.float64) @ LUMINANCE
-    context = WorldContext.of(map_directions(8, 4), scene.images, 0.0, WORLD_LIGHT)
-    used = set(np.unique(scene.geometry.material).tolist())
-    for number, graph in scene.materials.graphs.items():
-        found[number] = _graph_emission(graph, context) if number in used and graph.shines else 0.0
-    return np.nan_to_num(found).clip(0.0)
-
-
-def _graph_emission(graph: MaterialGraph, context: ShadingContext) -> float:
-    total = sum(LUMINANCE @ (rows["emission"] * rows["weight"]) for rows, _ in closures_at(graph, context))
-    return float(np.mean(total))
 
 
 def _places(geometry: Geometry, projection: Projection, glows: BoolArray) -> _Places | None:

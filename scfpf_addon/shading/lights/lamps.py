@@ -35,6 +35,12 @@ SKY_STEPS = 64
 MIDDLE = np.full((2, 1), 0.5, np.float32)
 
 
+def blur_of(solid_angle: Single) -> Single:
+    """The increase of GGX's α squared of highlights, (n,), that makes them as wide as solid angles (n,)."""
+    blur: Single = np.minimum(solid_angle * BLUR, 1)
+    return blur
+
+
 @dataclass(frozen=True)
 class Lamp:
     """A light in cast space.
@@ -185,8 +191,7 @@ class Lamp:
         Facets that reflect less than that part of a lamp would be bright in few samples only: white speckles.
         The more samples, the smaller the part.
         """
-        blur: Single = np.minimum(light.strength * (np.float32(self.part) * BLUR), 1)
-        return blur
+        return blur_of(light.strength * np.float32(self.part))
 
     def _from_sphere(self, beam: SphereBeam, position: Single, share: Single) -> Incidence:
         """``incidence`` of a spherical point or spot."""

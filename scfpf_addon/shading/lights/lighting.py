@@ -19,7 +19,7 @@ from ..scene.shading_scene import Scene
 from ..scene.surface import TINY, SurfacePoints
 from ..typing import Single
 from ..vectors import dot
-from .lamps import Lamp
+from .lamps import Lamp, blur_of
 from .light_culling import cull_lights
 from .ray_visibility import shadow_scene, with_occluders
 from .shadow_rays import cut_shadows
@@ -102,12 +102,14 @@ class Lighting:
         samples: PointSamples,
         parts: LightParts | None = None,
         weight: Array | None = None,
+        spread: Array | None = None,
     ) -> Single:
         """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
         Emission and the environment's light, plus for every lamp Lambert's share of the light that arrives
         and that of GGX facets, towards V against the projector's tangent.
         samples: of the points. parts: of them, to be filled in. weight: (N,), see ``SkyLight.radiance``.
+        spread: (N,) as in ``PathWave``, None for 0.
         """
         facing = dot(points.normal, points.view)
         unit = coefficients.unit if self.sky else None
@@ -117,6 +119,8 @@ class Lighting:
             parts.shine(by_material(coefficients.emission, points.material), unlit)
         if self.lamps:
             seen = _Seen.of(points, coefficients, facing, view)
+            if spread is not None:
+                seen = seen._replace(alpha=seen.alpha + blur_of(spread.astype(np.float32)))
             seeds = position_seeds(points.position)
             shares = samples.shares(LAMPS) if any(lamp.random for lamp in self.lamps) else None
             for lamp in self.lamps:
@@ -155,7 +159,7 @@ class Lighting:
             lit.append((DIFFUSE, seen.diffuse * received * tint))
         if coefficients.glossy and lamp.light.specular:
             between = dot(points.view, light.direction)
-            alpha = seen.alpha + lamp.blur(light)
+            alpha = np.minimum(seen.alpha + lamp.blur(light), 1)
             density, cosine = ggx_reflection(cosine, seen.facing, between, alpha)
             density *= received
             reflectance = coefficients.reflectance(points.material, cosine, seen.view)

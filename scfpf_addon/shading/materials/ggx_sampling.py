@@ -8,6 +8,7 @@ normals with spherical caps. α is the square of Blender's roughness.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,24 +77,74 @@ def single_scatter_albedo(cosine: Array, roughness: Array) -> Array:
     return found
 
 
-def reflected(
-    ahead: Array, normal: Array, flat: Array, roughness: Array, share: Array
-) -> tuple[Array, Array, Array]:
-    """Directions (3, n) off a rough surface, their share of the light (n,), and the cosine to the facet (n,).
+class Reflected(NamedTuple):
+    """Reflections off rough surfaces.
 
-    ahead: (3, n) unit, towards the surface. normal, flat: (3, n) unit, of shading and of the triangle, on the
-    visible side. roughness: (n,) of Blender. share: (2, n) random in [0, 1).
+    direction: (3, n) unit. passed: (n,) share of the light of rays by ``RoughLobe.sampled``. cosine: (n,) of
+    view and facet. density: (n,) of these rays, per steradian.
     """
-    view = -ahead
-    first, second = perpendicular(normal)
-    local = np.concatenate(
-        [dot_row(first, view), dot_row(second, view), np.maximum(dot_row(normal, view), 1e-4)]
-    )
-    local = unit(local)
-    alpha = roughness**2
-    facet = visible_normals(local, alpha, share)
-    cosine = dot_row(facet, local)[0]
-    way = 2.0 * cosine * facet - local
-    direction = first * way[0] + second * way[1] + normal * way[2]
-    passed = masking_shadowing(local, way, alpha)
-    return unit(direction), np.where(dot_row(direction, flat)[0] > 0.0, passed, 0.0), np.maximum(cosine, 0.0)
+
+    direction: Array
+    passed: Array
+    cosine: Array
+    density: Array
+
+
+class RoughLobe(NamedTuple):
+    """Reflection off rough surfaces at n places.
+
+    axes: three (3, n) unit, the last of them the shading normal. view: (3, n) unit, towards the viewer along
+    the axes, z > 0. alpha: (n,). flat: (3, n) unit normal of the triangles on the visible side.
+    """
+
+    axes: tuple[Array, Array, Array]
+    view: Array
+    alpha: Array
+    flat: Array
+
+    @classmethod
+    def of(cls, ahead: Array, normal: Array, flat: Array, roughness: Array) -> RoughLobe:
+        """The lobes under unit directions (3, n) towards the surface. roughness: (n,) of Blender."""
+        axes = (*perpendicular(normal), normal)
+        x, y, z = (dot_row(axis, -ahead) for axis in axes)
+        return cls(axes, unit(np.concatenate([x, y, np.maximum(z, 1e-4)])), roughness**2, flat)
+
+    def sampled(self, share: Array) -> Reflected:
+        """Reflections off random facets that the viewer sees. share: (2, n) random in [0, 1)."""
+        facet = visible_normals(self.view, self.alpha, share)
+        way = 2.0 * dot_row(facet, self.view) * facet - self.view
+        direction = unit(sum(axis * along for axis, along in zip(self.axes, way, strict=True)))
+        return self._reflected(direction, way, facet)
+
+    def along(self, direction: Array) -> Reflected:
+        """Reflections in unit directions (3, n)."""
+        way = np.concatenate([dot_row(axis, direction) for axis in self.axes])
+        return self._reflected(direction, way, unit(way + self.view))
+
+    def _reflected(self, direction: Array, way: Array, facet: Array) -> Reflected:
+        """Reflections in directions (3, n). way, facet: (3, n), along the axes."""
+        passed = masking_shadowing(self.view, way, self.alpha)
+        passed *= dot_row(direction, self.flat)[0] > 0.0
+        cosine = np.maximum(dot_row(facet, self.view)[0], 0.0)
+        return Reflected(direction, passed, cosine, self._density(facet[2] ** 2, self.alpha**2))
+
+    def met(self, towards: Array, solid_angle: Array) -> Array:
+        """About the chances (K, n) of rays by ``sampled`` to be in solid angles (K, n) about (3, K, n)."""
+        # Squared lengths of the half vector and of its part along the normal are all that is needed.
+        across, along, up = (np.einsum("cn,ckn->kn", axis, towards) for axis in self.axes)
+        x, y, z = across + self.view[0], along + self.view[1], up + self.view[2]
+        cosine = z**2 / np.maximum(x**2 + y**2 + z**2, 1e-30)
+        # As blurred as the solid angle is wide.
+        squared = np.minimum(self.alpha**2 + solid_angle / np.pi, 1.0)
+        chance: Array = np.minimum(self._density(cosine, squared) * solid_angle, 1.0)
+        return chance
+
+    def _density(self, cosine: Array, squared: Array) -> Array:
+        """The density per steradian of directions off facets, by their squared cosines to the normal.
+
+        squared: α squared. Both (n,) or (K, n).
+        """
+        spread = 1.0 + (squared - 1.0) * cosine
+        density: Array = squared / (np.pi * np.maximum(spread**2, 1e-30))
+        density /= 4.0 * self.view[2] * (1.0 + smith_lambda(self.view[2], np.sqrt(squared)))
+        return density

@@ -27,6 +27,9 @@ BLOCK, PERCENTILE, BRIGHT = 32, 75.0, 10.0
 # The most lamps of a world, the cone about its brightest texel that each holds, and the least share of
 # the world's light in a lamp.
 MOST_LAMPS, CONE, LEAST_LAMP = 4, np.cos(np.radians(10.0)), 0.01
+# Bright parts of the soft light, which rough reflections look for: the most of them, rows of their map, the
+# cone about its brightest texel that each is in, and the least multiple of the mean.
+MOST_SPOTS, SPOT_ROWS, SPOT_CONE, SPOT_BRIGHT = 8, 32, np.cos(np.radians(12.0)), 4.0
 # Rows of the map that irradiance is summed from, and of the map of normals, which interpolation reads with an
 # error below 0.2 %.
 SOURCE_ROWS, NORMAL_ROWS = 32, 32
@@ -44,6 +47,17 @@ class Gathered(NamedTuple):
     direction: Array
 
 
+class Spot(NamedTuple):
+    """A bright part of the soft light. direction: (3,) unit. cosine: of half the angle of a cone around it.
+
+    radiance: mean luminance there, beyond that of the whole sky.
+    """
+
+    direction: Array
+    cosine: float
+    radiance: float
+
+
 @dataclass(frozen=True, eq=False)
 class WorldLight:
     """A world's light, independent of the frame.
@@ -51,13 +65,14 @@ class WorldLight:
     limit: (ROWS / BLOCK, COLUMNS / BLOCK), luminance beyond which lamps hold a direction's light.
     lamps: (ROWS, COLUMNS) luminance times solid angle, and (3,) irradiance of each.
     irradiance: (3, NORMAL_ROWS + 2, 2 NORMAL_ROWS + 2) of the soft light, with a margin all around.
-    soft: the soft light along a curve that fills the sky.
+    soft: the soft light along a curve that fills the sky. spots: its bright parts.
     """
 
     limit: Array
     lamps: tuple[tuple[Array, Array], ...]
     irradiance: Single
     soft: Gathered
+    spots: tuple[Spot, ...] = ()
 
     @classmethod
     def of(cls, panorama: Array) -> WorldLight:
@@ -85,6 +100,7 @@ class WorldLight:
             lamps,
             irradiance_map(gathered(rest, SOURCE_ROWS)),
             Gathered(soft.light[:, order], soft.direction[:, order]),
+            tuple(_spots(gathered(rest, SPOT_ROWS))),
         )
 
     def without_lamps(self, direction: Array, light: Array) -> Array:
@@ -133,6 +149,27 @@ def _lamps(light: Array, least: float) -> Iterator[tuple[Array, Array]]:
             near[:] = True
         yield np.where(near, luminance, 0.0).reshape(ROWS, COLUMNS), colors[:, near].sum(axis=1)
         luminance = np.where(near, 0.0, luminance)
+
+
+def _spots(along: Gathered) -> Iterator[Spot]:
+    """The bright parts of a light of SPOT_ROWS rows, brightest first."""
+    areas = np.repeat(map_areas(2 * SPOT_ROWS, SPOT_ROWS), 2 * SPOT_ROWS)
+    power = LUMINANCE @ along.light
+    mean = power.sum() / areas.sum()
+    luminance = power / areas
+    left = luminance > SPOT_BRIGHT * mean
+    for _ in range(MOST_SPOTS):
+        if not left.any():
+            return
+        best = np.where(left, luminance, 0.0).argmax()
+        near = left & (along.direction[:, best] @ along.direction > SPOT_CONE)
+        middle = along.direction[:, near] @ power[near]
+        middle /= np.linalg.norm(middle)
+        # Half a texel's diagonal more than to the middle of the farthest.
+        angle = np.arccos(np.clip((middle @ along.direction[:, near]).min(), -1.0, 1.0))
+        cosine = float(np.cos(angle + np.sqrt(0.5) * np.pi / SPOT_ROWS))
+        yield Spot(middle, cosine, float(power[near].sum() / (2.0 * np.pi * (1.0 - cosine)) - mean))
+        left &= ~near
 
 
 def gathered(light: Array, rows: int) -> Gathered:

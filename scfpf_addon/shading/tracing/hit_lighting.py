@@ -141,7 +141,8 @@ class HitLighting:
                     parts.rows[EMISSION] = color
             else:
                 own = samples.at(wave, some.where)
-                color = self.lighting.radiance(some.points, some.coefficients, own, parts, share.max(axis=0))
+                weight, spread = share.max(axis=0), wave.spread.take(some.where)
+                color = self.lighting.radiance(some.points, some.coefficients, own, parts, weight, spread)
             color = self._clamped(color, some, share, wave.depth[TOTAL].take(some.where), parts)
             film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))
 

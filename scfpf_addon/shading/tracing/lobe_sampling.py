@@ -17,18 +17,42 @@ from ...casting.common.ray_visibility import GLASS, MIRROR, visible_to
 from ...casting.continuation import cast_rays, first_triangles
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..materials.ggx_sampling import MIRROR_ROUGHNESS, reflected, single_scatter_albedo
+from ..materials.ggx_sampling import MIRROR_ROUGHNESS, RoughLobe, single_scatter_albedo
 from ..materials.lobes import RoughReflectance
 from ..materials.parameters import ClosureRows
 from ..nodes.inputs import fresnel_dielectric
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
 from .closure_table import HitClosures
+from .glows import Aims, Glows
 from .path_samples import PathSamples
 from .path_wave import TOTAL, PathWave
 
 # Kinds of lobes: straight through, into glass, off glass, off metal, off a dielectric layer.
 CLEAR, REFRACTED, MIRRORED, METAL, LAYER = range(5)
+# The least density of directions, as if all were alike.
+LEAST_DENSITY = 0.25 / np.pi
+# The least divisor.
+LEAST_NUMBER = 1e-30
+
+
+class ScatteredRays(NamedTuple):
+    """The straight rays of n lobes.
+
+    direction: (3, n) unit. share: (3, n) of light that counts. spread: (n,) solid angles that they stand for,
+    0 of sharp ones. awaited: (n,) radiance of the glowing things that they are aimed at, 0 for none.
+    """
+
+    direction: Array
+    share: Array
+    spread: Array
+    awaited: Array
+
+    @classmethod
+    def along(cls, direction: Array) -> ScatteredRays:
+        """Sharp rays that keep all light."""
+        nothing = np.zeros(direction.shape[1])
+        return cls(direction, np.ones_like(direction), nothing, nothing.copy())
 
 
 class SentLobes(NamedTuple):
@@ -77,28 +101,28 @@ class SentLobes(NamedTuple):
 class LobeSampler:
     """Casts the rays of lobes.
 
-    mirrors, glass: the scene that reflected and refracted rays can meet, None if that is empty.
+    mirrors, glass: the scene that reflected and refracted rays can meet, None if that is empty. glows: what
+    rough reflections look for, None for nothing.
     """
 
     cast_scene: CastScene
     mirrors: CastScene | None
     glass: CastScene | None
+    glows: Glows | None = None
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene) -> LobeSampler:
         """The sampler of a scene's ray visibility."""
         visibility = scene.geometry.visibility
         mirrors, glass = (cast_scene.only(visible_to(visibility, ray)) for ray in (MIRROR, GLASS))
-        return cls(cast_scene, mirrors, glass)
+        return cls(cast_scene, mirrors, glass, Glows.of(scene, cast_scene))
 
     def directions(
         self, lobes: SentLobes, closures: HitClosures, wave: PathWave, samples: PathSamples
-    ) -> tuple[Array, Array]:
-        """Unit directions (3, n) of lobes' straight rays, and the share (3, n) of light that counts.
-
-        closures: of each lobe. wave: the places of each.
-        """
-        direction, share, normal = unit(wave.hits.tangent), np.ones_like(lobes.tint), closures.normal
+    ) -> ScatteredRays:
+        """The straight rays of lobes. closures: of each lobe. wave: the places of each."""
+        rays, normal = ScatteredRays.along(unit(wave.hits.tangent)), closures.normal
+        direction = rays.direction
         flat = self.cast_scene.normals(wave.hits.triangle)
         flat *= -np.copysign(1.0, dot_row(flat, direction))
         first, second, third, fourth = np.searchsorted(lobes.kind, (REFRACTED, MIRRORED, METAL, LAYER))
@@ -112,10 +136,15 @@ class LobeSampler:
         rows = closures.rows.take(np.arange(third, len(lobes.kind)))
         reflectance = RoughReflectance.of(rows, fourth - third)
         ahead = direction[:, some]
-        direction[:, some], share[:, some] = _reflect(
-            ahead, normal[:, some], flat[:, some], reflectance, place
-        )
-        return direction, share
+        position = wave.hits.position[:, some]
+
+        def aims_of(which: IndexArray, lobe: RoughLobe) -> Aims | None:
+            return self.glows and self.glows.aims(position.take(which, axis=1), lobe, samples.first.most)
+
+        sent = _reflect(ahead, normal[:, some], flat[:, some], reflectance, place, aims_of)
+        for whole, part in zip(rays, sent, strict=True):
+            whole[..., some] = part
+        return rays._replace(spread=rays.spread / samples.first.most)
 
     def cast(
         self,
@@ -153,21 +182,36 @@ class LobeSampler:
 
 
 def _reflect(
-    ahead: Array, normal: Array, flat: Array, reflectance: RoughReflectance, place: Array
-) -> tuple[Array, Array]:
-    """Directions (3, n) of reflections, sharp or rough, and the share (3, n) of light that counts."""
-    direction, cosine = np.empty_like(ahead), np.clip(-dot_row(ahead, normal), 0.0, 1.0)[0]
+    ahead: Array,
+    normal: Array,
+    flat: Array,
+    reflectance: RoughReflectance,
+    place: Array,
+    aims_of: Callable[[IndexArray, RoughLobe], Aims | None],
+) -> ScatteredRays:
+    """The rays of reflections at n hits, sharp or rough. aims_of: some of the hits."""
+    cosine = np.clip(-dot_row(ahead, normal), 0.0, 1.0)[0]
+    rays = ScatteredRays.along(np.empty_like(ahead))
     passed, once = np.ones_like(cosine), np.ones_like(cosine)
     is_rough = reflectance.roughness >= MIRROR_ROUGHNESS
     sharp, rough = np.flatnonzero(~is_rough), np.flatnonzero(is_rough)
     if len(sharp):
-        direction[:, sharp] = mirrored(*(each.take(sharp, 1) for each in (ahead, normal, flat)))
+        rays.direction[:, sharp] = mirrored(*(each.take(sharp, 1) for each in (ahead, normal, flat)))
     if len(rough):
         roughness = reflectance.roughness.take(rough)
         once[rough] = single_scatter_albedo(cosine.take(rough), roughness)
         seen, own, face, share = (each.take(rough, 1) for each in (ahead, normal, flat, place))
-        direction[:, rough], passed[rough], cosine[rough] = reflected(seen, own, face, roughness, share)
-    return direction, reflectance.at(cosine, once) * passed
+        lobe = RoughLobe.of(seen, own, face, roughness)
+        aims = aims_of(rough, lobe)
+        sent = lobe.sampled(aims.remaining(share) if aims else share)
+        density = sent.density
+        if aims:
+            sent = lobe.along(aims.aimed(sent.direction, share))
+            density, rays.awaited[rough] = aims.density(sent.direction, sent.density)
+            sent.passed[:] *= sent.density / np.maximum(density, LEAST_NUMBER)
+        rays.direction[:, rough], passed[rough], cosine[rough] = sent.direction, sent.passed, sent.cosine
+        rays.spread[rough] = 1.0 / np.maximum(density, LEAST_DENSITY)
+    return rays._replace(share=reflectance.at(cosine, once) * passed)
 
 
 def mirrored(ahead: Array, normal: Array, flat: Array) -> Array:

@@ -25,8 +25,9 @@ class PathWave(NamedTuple):
     hits: their places; tangents point where light is looked for. pixel: (n,) number of the pixel sample that
     a path belongs to; several may belong to one. throughput: (3, n) share of the light that reaches it.
     on_ray: (n,) whether the path has left its projector for straight rays. from_glass: (n,) whether its last
-    scattering was a refraction; singular: (n,) whether it was sharp. depth: (4, n) scattering events so far,
-    by kind.
+    scattering was a refraction; singular: (n,) whether it was sharp. spread: (n,) the solid angle, in
+    steradians, of the light that a path stands for among the samples of its pixel. depth: (4, n) scattering
+    events so far, by kind.
     """
 
     hits: Hits
@@ -35,6 +36,7 @@ class PathWave(NamedTuple):
     on_ray: BoolArray
     from_glass: BoolArray
     singular: BoolArray
+    spread: Array
     depth: NDArray[np.int16]
 
     @classmethod
@@ -48,6 +50,7 @@ class PathWave(NamedTuple):
             on_ray=np.zeros(count, bool),
             from_glass=np.zeros(count, bool),
             singular=np.zeros(count, bool),
+            spread=np.zeros(count),
             depth=np.zeros((4, count), np.int16),
         )
 
@@ -69,6 +72,7 @@ class PathWave(NamedTuple):
             on_ray=self.on_ray.take(index),
             from_glass=self.from_glass.take(index),
             singular=self.singular.take(index),
+            spread=self.spread.take(index),
             depth=self.depth.take(index, axis=1),
         )
 

@@ -229,9 +229,12 @@ class Tracer:
         came: their last states. throughput: (3, n), but for directions and chance. depth: (4, n) after it.
         """
         sending = closures.take(lobes.closure)
-        direction, share = self.sampler.directions(lobes, sending, came, samples)
-        throughput = throughput * share
-        throughput *= samples.survival(came, lobes.kind, throughput)
+        rays = self.sampler.directions(lobes, sending, came, samples)
+        direction, throughput = rays.direction, throughput * rays.share
+        growth = samples.survival(came, lobes.kind, throughput * np.maximum(rays.awaited, 1.0))
+        throughput *= growth
+        # What survives stands for what does not.
+        spread = came.spread + rays.spread * growth
         is_clear, roughness = lobes.kind == CLEAR, sending.rows["roughness"][0]
         is_sharp = (roughness < MIRROR_ROUGHNESS) | (lobes.kind == REFRACTED) | (lobes.kind == MIRRORED)
         from_glass = np.where(is_clear, came.from_glass, lobes.kind == REFRACTED)
@@ -240,10 +243,12 @@ class Tracer:
         if len(left) < len(came.pixel):
             came, direction, from_glass = came.take(left), direction.take(left, 1), from_glass.take(left)
             throughput, depth, singular = throughput.take(left, 1), depth.take(left, 1), singular.take(left)
+            spread = spread.take(left)
         ends = (depth > self._limits).any(axis=0)
         hits, dark = self.sampler.cast(came, direction, from_glass, ends, self._shown_beyond)
         throughput[:, dark] = 0.0
-        return PathWave(hits, came.pixel, throughput, np.ones(len(left), bool), from_glass, singular, depth)
+        on_ray = np.ones(len(left), bool)
+        return PathWave(hits, came.pixel, throughput, on_ray, from_glass, singular, spread, depth)
 
     def _lobes(self, wave: PathWave, closures: HitClosures) -> SentLobes:
         """The lobes of closures at the wave's places."""

@@ -84,6 +84,73 @@ def test_a_soft_lamp_makes_no_speckles_on_paint(roughness, tmp_path):
     assert np.sqrt(np.mean((ours - cycles) ** 2)) < 0.036
 
 
+# Of 64 × 64 pixels.
+MOST_SPECKLES = {"glow": 11, "window": 20, "sun": 6}
+
+
+def speckles(image, like):
+    """How many pixels are brighter than their neighbours, and than all neighbours there in another image."""
+    around = [
+        np.roll(each, (up, along), (0, 1))
+        for each in (image, like)
+        for up in (-1, 0, 1)
+        for along in (-1, 0, 1)
+    ]
+    median, most = np.median(around[:9], axis=0), np.max(around[9:], axis=0)
+    return int(((image > 1.5 * median) & (image > 1.5 * most + 0.05)).sum())
+
+
+def window(world):
+    """A bright window of 17 degrees in a dim sky."""
+    up, around = np.mgrid[:64, :128] / 64 * np.pi
+    height, turn = up - 0.5 * np.pi, around - np.pi
+    pixels = np.ones((64, 128, 4), np.float32)
+    pixels[..., :3] = np.where((np.abs(height - 0.6) < 0.15) & (np.abs(turn + 1.2) < 0.18), 30.0, 0.3)[
+        ..., None
+    ]
+    image = bpy.data.images.new("Sky", 128, 64, float_buffer=True)
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    background = next(n for n in world.node_tree.nodes if n.type == "BACKGROUND")
+    node = add(world.node_tree, "ShaderNodeTexEnvironment", {"image": image})
+    world.node_tree.links.new(node.outputs[0], background.inputs["Color"])
+
+
+@pytest.mark.parametrize("light", ["glow", "window", "sun"])
+def test_bright_small_things_make_no_speckles_on_paint(light, tmp_path):
+    """Glossy balls and a glossy floor at the samples of a new camera, beside Cycles' with many.
+
+    A small glowing square, a window in the sky, and the sun's highlights on balls that the floor reflects.
+    """
+    scene = scene_with_camera(64)
+    black = {"Base_Color": (0.0, 0.0, 0.0)}
+    plane(shader("BsdfPrincipled", Roughness=0.4, **black), size=20.0)
+    for number, roughness in enumerate((0.1, 0.25, 0.4)):
+        bpy.ops.mesh.primitive_uv_sphere_add(
+            segments=48, ring_count=24, radius=0.5, location=(number - 1, 1, 0.5)
+        )
+        bpy.ops.object.shade_smooth()
+        paint = {"Base_Color": (0.8, 0.5, 0.2), "Metallic": 1.0, "Roughness": roughness}
+        bpy.context.object.data.materials.append(shader("BsdfPrincipled", **paint))
+    if light == "glow":
+        plane(shader("Emission", Strength=60.0), (1.0, -1.0, 3.0), 0.6)
+    elif light == "window":
+        window(scene.world)
+    else:
+        bpy.ops.object.light_add(type="SUN", rotation=(0.6, 0.4, 0))
+        bpy.context.object.data.energy, bpy.context.object.data.angle = 6, 0.01
+    scene.camera.location, scene.camera.rotation_euler = (0, -4, 1.6), (1.3, 0, 0)
+    cycles = scene.cycles
+    scene.camera.scfpf.samples, cycles.samples = 4, 64
+    cycles.use_denoising, cycles.use_adaptive_sampling, cycles.diffuse_bounces = False, False, 0
+    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    ours, its = (image[..., :3].mean(axis=2) for image in both(scene, tmp_path))
+    print(light, ours.mean() / its.mean(), speckles(ours, its))
+    if light == "glow":
+        assert ours.mean() == pytest.approx(its.mean(), rel=0.06)
+    assert speckles(ours, its) <= MOST_SPECKLES[light]
+
+
 # What is dark beside light of strength 1.
 DARK = 0.01
 # Roughness, index of refraction, metallic, base colour.

@@ -24,6 +24,7 @@ from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.scene.sky_map import (
     COLUMNS,
     ROWS,
+    WorldLight,
     curve_places,
     map_areas,
     map_directions,
@@ -220,13 +221,39 @@ def test_facets_reflect_as_their_distribution_says(roughness, cosine):
     share = (np.arange(4096)[:, None] * ggx_sampling.R2_STEP % 1.0).T
     many = np.repeat(view[:, None], 4096, axis=1)
     up = np.repeat([[0.0], [0.0], [1.0]], 4096, axis=1)
-    way_drawn, passed, _ = ggx_sampling.reflected(-many, up, up, np.full(4096, roughness), share)
-    # ``reflected`` has axes of its own, so only heights are compared.
+    lobe = ggx_sampling.RoughLobe.of(-many, up, up, np.full(4096, roughness))
+    sampled = lobe.sampled(share)
+    way_drawn, passed = sampled.direction, sampled.passed
+    # The lobe has axes of its own, so only heights are compared.
     for power in (0, 1, 3):
         expected = (value * way[2] ** power * area).sum()
         assert (passed * np.maximum(way_drawn[2], 0) ** power).mean() == pytest.approx(expected, rel=0.01)
+    # A mean over samples is a sum over directions, those below the surface included.
+    few = directions.shape[1]
+    whole = ggx_sampling.RoughLobe.of(
+        *(each[:, :1].repeat(few, 1) for each in (-many, up, up)), np.full(few, roughness)
+    )
+    density = whole.along(directions).density * np.repeat(map_areas(COLUMNS, ROWS), COLUMNS)
+    # No facet faces away.
+    density *= directions[2] > -cosine
+    assert density.sum() == pytest.approx(1.0, rel=2e-3)
+    assert (density * directions[2]).sum() == pytest.approx(way_drawn[2].mean(), abs=2e-3)
     once = ggx_sampling.single_scatter_albedo(np.array([cosine]), np.array([roughness]))[0]
     assert once == pytest.approx((value * area).sum(), rel=0.02)
+
+
+def test_bright_parts_of_a_sky_are_in_cones():
+    """A panel of 20 by 10 degrees in a dim sky: its light is in the cones, which hold little else."""
+    directions = map_directions(COLUMNS, ROWS)
+    height, turn = np.arcsin(directions[2]), np.arctan2(directions[1], directions[0])
+    panel = (np.abs(height - 0.6) < 0.0873) & (np.abs(turn) < 0.1745)
+    panorama = np.where(panel, 20.0, 0.5) * np.ones((3, 1))
+    spots = WorldLight.of(panorama.reshape(3, ROWS, COLUMNS)).spots
+    held = np.any([directions.T @ spot.direction >= spot.cosine for spot in spots], axis=0)
+    area = np.repeat(map_areas(COLUMNS, ROWS), COLUMNS)
+    assert held[panel].all()
+    assert area[held].sum() < 5 * area[panel].sum()
+    assert WorldLight.of(np.full((3, ROWS, COLUMNS), 0.5)).spots == ()
 
 
 def test_rays_off_small_objects_in_a_large_scene_leave_them(build):
