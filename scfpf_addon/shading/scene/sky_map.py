@@ -27,11 +27,11 @@ BLOCK, PERCENTILE, BRIGHT = 32, 75.0, 10.0
 # The most lamps of a world, the cone about its brightest texel that each holds, and the least share of
 # the world's light in a lamp.
 MOST_LAMPS, CONE, LEAST_LAMP = 4, np.cos(np.radians(10.0)), 0.01
-# Bright parts of the soft light, which rough reflections look for: the most of them, rows of their map, the
-# cone about its brightest texel that each is in, and the least multiple of the mean.
-MOST_SPOTS, SPOT_ROWS, SPOT_CONE, SPOT_BRIGHT = 8, 32, np.cos(np.radians(12.0)), 4.0
-# Rows of the map that irradiance is summed from, and of the map of normals, which interpolation reads with an
-# error below 0.2 %.
+# Bright parts of the soft light, which rough reflections look for: the most of them, the cone about its
+# brightest texel that each is in, and the least multiple of the mean.
+MOST_SPOTS, SPOT_CONE, SPOT_BRIGHT = 8, np.cos(np.radians(12.0)), 4.0
+# Rows of the map that irradiance is summed from and spots are found in, and of the map of normals, which
+# interpolation reads with an error below 0.2 %.
 SOURCE_ROWS, NORMAL_ROWS = 32, 32
 # Rows of the map of directions towards the soft light.
 SOFT_ROWS = 128
@@ -93,14 +93,14 @@ class WorldLight:
             limit, rest = np.full_like(limit, np.inf), panorama
         raise_if_cancelled()
         rest *= areas
-        soft = gathered(rest, SOFT_ROWS)
+        soft, source = gathered(rest, SOFT_ROWS), gathered(rest, SOURCE_ROWS)
         order = np.argsort(curve_places(SOFT_ROWS))
         return cls(
             limit,
             lamps,
-            irradiance_map(gathered(rest, SOURCE_ROWS)),
+            irradiance_map(source),
             Gathered(soft.light[:, order], soft.direction[:, order]),
-            tuple(_spots(gathered(rest, SPOT_ROWS))),
+            tuple(_spots(source)),
         )
 
     def without_lamps(self, direction: Array, light: Array) -> Array:
@@ -152,8 +152,8 @@ def _lamps(light: Array, least: float) -> Iterator[tuple[Array, Array]]:
 
 
 def _spots(along: Gathered) -> Iterator[Spot]:
-    """The bright parts of a light of SPOT_ROWS rows, brightest first."""
-    areas = np.repeat(map_areas(2 * SPOT_ROWS, SPOT_ROWS), 2 * SPOT_ROWS)
+    """The bright parts of a light of SOURCE_ROWS rows, brightest first."""
+    areas = np.repeat(map_areas(2 * SOURCE_ROWS, SOURCE_ROWS), 2 * SOURCE_ROWS)
     power = LUMINANCE @ along.light
     mean = power.sum() / areas.sum()
     luminance = power / areas
@@ -167,7 +167,7 @@ def _spots(along: Gathered) -> Iterator[Spot]:
         middle /= np.linalg.norm(middle)
         # Half a texel's diagonal more than to the middle of the farthest.
         angle = np.arccos(np.clip((middle @ along.direction[:, near]).min(), -1.0, 1.0))
-        cosine = float(np.cos(angle + np.sqrt(0.5) * np.pi / SPOT_ROWS))
+        cosine = float(np.cos(angle + np.sqrt(0.5) * np.pi / SOURCE_ROWS))
         yield Spot(middle, cosine, float(power[near].sum() / (2.0 * np.pi * (1.0 - cosine)) - mean))
         left &= ~near
 
