@@ -18,6 +18,7 @@ from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ..bridge.blender.drivers import follow_property, new_driver
 from ..bridge.blender.modifier_inputs import input_identifiers, renew_relations, set_inputs
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, MARK_KEY, RIG_KEY, add_mark
+from ..bridge.blender.scene_objects import holds
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
@@ -277,9 +278,11 @@ def give_back(rig) -> None:
 def adopt(rig) -> None:
     """Assign a rig that was copied with its scene to the copy, with a table of its own."""
     settings = rig.scfpf_rig
-    holders = [scene for scene in bpy.data.scenes if rig in scene.collection.children_recursive]
-    if holders and settings.scene not in holders:
-        settings.scene = holders[0]
+    if settings.scene is None or not holds(settings.scene.collection.children, rig):
+        # It may have been moved into another collection of its scene.
+        holders = [scene for scene in bpy.data.scenes if rig in scene.collection.children_recursive]
+        if holders and settings.scene not in holders:
+            settings.scene = holders[0]
     scene, camera, portal_object = settings.scene, settings.camera, settings.portals
     if None in (scene, camera, portal_object, settings.table) or settings.table.parent == camera:
         return

@@ -9,24 +9,42 @@ from ...bridge.blender.rig_mark import has_other_animation
 from ..hidden_surfaces import hidden_from_rigs
 from ..seen_data import links
 from ..watched_volume import may_move
-from .stillness import motion_of
+from .stillness import Motion, motion_of
 
 
-def obstacle(rig) -> str:
-    """The reason as a sentence without its full stop, or an empty text."""
-    settings = rig.scfpf_rig
-    scene, render = settings.scene, settings.scene.render
+def obstacle(rig, motion: Motion | None = None) -> str:
+    """The reason as a sentence without its full stop, or an empty text.
+
+    motion: of the rig's scene, None to find it.
+    """
+    if reason := setting_obstacle(rig):
+        return reason
+    if simulated := (motion or rig_motion(rig)).simulated:
+        return f"'{simulated}' is simulated"
+    return material_obstacle(rig)
+
+
+def material_obstacle(rig) -> str:
+    """As ``obstacle``, if it is a material."""
+    displaced = _displacing(rig.scfpf_rig.scene)
+    return f"The displacement of '{displaced}' has no known bounds" if displaced else ""
+
+
+def setting_obstacle(rig) -> str:
+    """As ``obstacle``, if it is a setting of the scene or its world."""
+    scene, render = rig.scfpf_rig.scene, rig.scfpf_rig.scene.render
     if any(other != scene and rig in other.collection.children_recursive for other in bpy.data.scenes):
         return "Another scene renders through this rig, too"
     if has_volume(scene.world):
         return "The world is filled with a volume"
-    if simulated := motion_of(scene, hidden_from_rigs()).simulated:
-        return f"'{simulated}' is simulated"
     if render.frame_map_old != render.frame_map_new:
         return "The scene's time is stretched"
-    if displaced := _displacing(scene):
-        return f"The displacement of '{displaced}' has no known bounds"
     return ""
+
+
+def rig_motion(rig) -> Motion:
+    """The motion of what the rays of a rig may meet."""
+    return motion_of(rig.scfpf_rig.scene, hidden_from_rigs())
 
 
 def moves(rig) -> bool:
@@ -34,13 +52,15 @@ def moves(rig) -> bool:
     return rig.scfpf_rig.animated or may_move(rig.scfpf_rig.camera)
 
 
-def movers_of(rig) -> frozenset[int]:
-    """Session ids of the objects of a rig's scene that may change with the frame."""
-    scene = rig.scfpf_rig.scene
-    if has_other_animation(scene):
+def movers_of(rig, motion: Motion | None = None) -> frozenset[int]:
+    """Session ids of the objects of a rig's scene that may change with the frame.
+
+    motion: as of ``obstacle``.
+    """
+    if has_other_animation(rig.scfpf_rig.scene):
         # It may hide collections.
         return frozenset(obj.session_uid for obj in bpy.data.objects)
-    return motion_of(scene, hidden_from_rigs()).movers
+    return (motion or rig_motion(rig)).movers
 
 
 def has_volume(world) -> bool:

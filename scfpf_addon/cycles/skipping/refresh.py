@@ -17,7 +17,7 @@ from ..chords.chord_plan import ChordPlan
 from ..rig_data import MODIFIER, has_new_materials, present_chords, write_sheets
 from ..watched_volume import look
 from .reasons import movers_of, moves, obstacle
-from .scene_state import SceneState, has_unwatched, shape_edits, state_of
+from .scene_state import SceneState, has_unwatched, is_as, shape_edits, state_of
 from .skip_chords import Look, NotSkipping, faces_that_skip
 from .swept_bodies import shutter_of
 
@@ -50,11 +50,14 @@ WATCHED = (
 
 # The states of the scene that each rig skips for by frame, None for all, by session id of the rig.
 _made_for: dict[int, dict[float | None, SceneState]] = {}
+# Whether renders show objects that no update tells of, by session id of the rig.
+_unwatched: dict[int, bool] = {}
 
 
 def forget_all() -> None:
     """Forget what rigs were made for, so that the next look switches skipping off."""
     _made_for.clear()
+    _unwatched.clear()
 
 
 def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
@@ -170,13 +173,22 @@ def watch(rig, depsgraph, has_new_frame: bool = False) -> None:
     if not skips(rig):
         return
     made_for = _state_made_for(rig)
-    expected = movers_of(rig) if has_new_frame else frozenset()
-    if made_for is None or shape_edits(depsgraph, expected):
+    if made_for is None or shape_edits(depsgraph, made_for.movers if has_new_frame else frozenset()):
         stop_skipping(rig)
         return
-    has_edits = has_new_frame or any(depsgraph.id_type_updated(kind) for kind in WATCHED)
-    if has_edits and state_of(rig) != made_for:
-        stop_skipping(rig)
+    if has_new_frame or any(depsgraph.id_type_updated(kind) for kind in WATCHED):
+        is_whole_look = _has_unwatched(rig, depsgraph)
+        is_same = state_of(rig) == made_for if is_whole_look else is_as(rig, made_for, depsgraph)
+        if not is_same:
+            stop_skipping(rig)
+
+
+def _has_unwatched(rig, depsgraph) -> bool:
+    """As ``has_unwatched``, looked up again once members of the scene or their visibility have changed."""
+    uid = rig.session_uid
+    if uid not in _unwatched or any(depsgraph.id_type_updated(kind) for kind in ("SCENE", "COLLECTION")):
+        _unwatched[uid] = has_unwatched(rig.scfpf_rig.scene, depsgraph.view_layer)
+    return _unwatched[uid]
 
 
 def _state_made_for(rig) -> SceneState | None:

@@ -52,7 +52,7 @@ class Found(NamedTuple):
     """
 
     faces: Faces
-    objects: dict[float, tuple]
+    objects: dict[float, dict[int, tuple]]
 
 
 class NotSkipping(Exception):
@@ -98,7 +98,7 @@ class _Search:
         self._ends: Array | None = None
         self._occupied: BoolArray | None = None
         self._shown = shown_objects(rig)
-        self.objects: dict[float, tuple] = {}
+        self.objects: dict[float, dict[int, tuple]] = {}
 
     def run(self) -> tuple[BoolArray, Array]:
         """Return whether anything may be in each cell's chords, (n, rows, columns), and the chords' ends.

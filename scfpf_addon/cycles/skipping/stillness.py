@@ -6,6 +6,7 @@ In case of doubt it may.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import bpy
@@ -35,17 +36,31 @@ NODE_CHANGES = {
 
 # Inputs that point to objects.
 POINTING = {"NodeSocketObject", "NodeSocketCollection"}
+# Types of properties that may point to objects.
+POINTING_TYPES = {"Object", "Collection"}
+
+
+class Change(NamedTuple):
+    """How an object may change with the frame by itself.
+
+    kind: NO_CHANGE, BY_FRAME or SIMULATED. others: session ids of the objects that it depends on.
+    """
+
+    kind: int
+    others: frozenset[int]
 
 
 class Motion(NamedTuple):
     """The shown objects that may change with the frame.
 
     movers: session ids. simulated: the name of an object whose shape at a frame depends on how Blender came
-    there, or is unknown; empty if there is none.
+    there, or is unknown; empty if there is none. changes: of each object, and of the data of objects, by
+    session id.
     """
 
     movers: frozenset[int]
     simulated: str
+    changes: dict[int, Change]
 
 
 def motion_of(scene, left_out: set) -> Motion:
@@ -56,54 +71,79 @@ def motion_of(scene, left_out: set) -> Motion:
     pending = [
         obj for obj in scene.objects if obj not in left_out and obj.type != "CAMERA" and not is_rig_part(obj)
     ]
-    trees: dict[int, tuple[int, list]] = {}
-    others: dict[int, set[int]] = {}
+    looked_at: dict[int, tuple[int, list]] = {}
+    changes: dict[int, Change] = {}
     movers, simulated = set(), ""
     while pending:
         obj = pending.pop()
-        if obj.session_uid in others:
+        if obj.session_uid in changes:
             continue
-        change, found = _own_change(obj, trees)
-        others[obj.session_uid] = {other.session_uid for other in found}
+        kind, found = _own_change(obj, looked_at)
+        changes[obj.session_uid] = _change(kind, found)
         pending += found
-        if change > NO_CHANGE:
+        if kind > NO_CHANGE:
             movers.add(obj.session_uid)
-        if change > BY_FRAME:
+        if kind > BY_FRAME:
             simulated = obj.name
-    while more := {uid for uid, found in others.items() if uid not in movers and found & movers}:
+    while more := {uid for uid, own in changes.items() if uid not in movers and own.others & movers}:
         movers |= more
-    return Motion(frozenset(movers), simulated)
+    return Motion(
+        frozenset(movers), simulated, {uid: _change(*found) for uid, found in looked_at.items()} | changes
+    )
 
 
-def _own_change(obj, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+def change_of(obj) -> Change:
+    """The change of one object."""
+    return _change(*_own_change(obj, {}))
+
+
+def change_of_data(data) -> Change:
+    """The change of an object's data."""
+    return _change(*_change_of_data(data, {}))
+
+
+def _change(kind: int, found: list) -> Change:
+    return Change(kind, frozenset(other.session_uid for other in found))
+
+
+def _own_change(obj, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
     """The change of an object by itself, and the objects that it depends on.
 
-    trees: what was found for node trees, by session id.
+    looked_at: what was found for node trees and data of objects, by session id.
     """
-    data = obj.data
-    owners = obj, data, getattr(data, "shape_keys", None)
-    change, others = NO_CHANGE, [obj.parent, *_pointed(data)]
-    if any(owner is not None and has_other_animation(owner) for owner in owners):
-        change = BY_FRAME
-    if len(obj.constraints) or getattr(data, "is_sequence", False) or obj.type == "GREASEPENCIL":
-        change = BY_FRAME
+    change, found = _change_of_data(obj.data, looked_at)
+    others = [obj.parent, *found]
+    if has_other_animation(obj) or len(obj.constraints) or obj.type == "GREASEPENCIL":
+        change = max(change, BY_FRAME)
     if obj.rigid_body is not None or len(getattr(obj, "particle_systems", ())):
         change = SIMULATED
     for modifier in obj.modifiers:
-        own, found = _change_of_modifier(modifier, trees)
+        own, found = _change_of_modifier(modifier, looked_at)
         change, others = max(change, own), others + found
     if obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
         others += obj.instance_collection.all_objects
     return change, [other for other in others if other is not None]
 
 
-def _change_of_modifier(modifier, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+def _change_of_data(data, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
+    """As ``_own_change``, of the data of an object or None."""
+    if data is None:
+        return NO_CHANGE, []
+    if data.session_uid not in looked_at:
+        keys = getattr(data, "shape_keys", None)
+        is_animated = any(owner is not None and has_other_animation(owner) for owner in (data, keys))
+        moves = is_animated or getattr(data, "is_sequence", False)
+        looked_at[data.session_uid] = BY_FRAME if moves else NO_CHANGE, _pointed(data)
+    return looked_at[data.session_uid]
+
+
+def _change_of_modifier(modifier, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
     """As ``_own_change``."""
     if modifier.type not in STILL:
         return (BY_FRAME if modifier.type in BY_THE_FRAME else SIMULATED), _pointed(modifier)
     change, others = NO_CHANGE, _pointed(modifier)
     if modifier.type == "NODES" and modifier.node_group is not None:
-        change, found = _change_of_tree(modifier.node_group, trees)
+        change, found = _change_of_tree(modifier.node_group, looked_at)
         others += _inputs(modifier) + found
     texture = modifier.texture if modifier.type == "DISPLACE" else None
     if texture is not None and has_other_animation(texture):
@@ -111,10 +151,10 @@ def _change_of_modifier(modifier, trees: dict[int, tuple[int, list]]) -> tuple[i
     return change, others
 
 
-def _change_of_tree(tree, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+def _change_of_tree(tree, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
     """As ``_own_change``."""
-    if tree.session_uid in trees:
-        return trees[tree.session_uid]
+    if tree.session_uid in looked_at:
+        return looked_at[tree.session_uid]
     change, others = BY_FRAME if has_other_animation(tree) else NO_CHANGE, []
     for node in tree.nodes:
         change = max(change, NODE_CHANGES.get(node.bl_idname, NO_CHANGE))
@@ -122,20 +162,29 @@ def _change_of_tree(tree, trees: dict[int, tuple[int, list]]) -> tuple[int, list
             _append(others, getattr(socket, "default_value", None))
         group = getattr(node, "node_tree", None)
         if group is not None:
-            own, found = _change_of_tree(group, trees)
+            own, found = _change_of_tree(group, looked_at)
             change, others = max(change, own), others + found
-    trees[tree.session_uid] = change, others
-    return trees[tree.session_uid]
+    looked_at[tree.session_uid] = change, others
+    return looked_at[tree.session_uid]
 
 
 def _pointed(owner) -> list:
     """The objects that properties of a datablock or a modifier point to."""
     found: list = []
     if owner is not None:
-        for item in owner.bl_rna.properties:
-            if item.type == "POINTER":
-                _append(found, getattr(owner, item.identifier, None))
+        for name in _pointers(type(owner)):
+            _append(found, getattr(owner, name, None))
     return found
+
+
+@functools.cache
+def _pointers(kind: type) -> list[str]:
+    """The names of the properties of a type that may point to objects: looking for them takes long."""
+    return [
+        item.identifier
+        for item in kind.bl_rna.properties
+        if item.type == "POINTER" and item.fixed_type.identifier in POINTING_TYPES
+    ]
 
 
 def _inputs(modifier) -> list:

@@ -142,6 +142,38 @@ def moved_surface(scene):
     scene.objects["Camera"].scfpf.surfaces[1].object.location.x += 0.1
 
 
+def keyed_object(_scene):
+    bpy.data.objects["Object 2"].keyframe_insert("color")
+
+
+def keyed_lamp(_scene):
+    bpy.data.lights["Lamp"].keyframe_insert("energy")
+
+
+def hidden_and_moved_object(_scene):
+    """Updates name only what viewports show, here another object."""
+    hidden = bpy.data.objects["Object 1"]
+    hidden.hide_set(True)
+    bpy.context.view_layer.update()
+    hidden.location.x += 0.01
+    bpy.data.objects["Object 2"].update_tag(refresh={"OBJECT"})
+
+
+def removed_object(_scene):
+    bpy.data.objects.remove(bpy.data.objects["Object 2"])
+
+
+def displaced_material(_scene):
+    made = bpy.data.materials.new("Displaced")
+    if made.node_tree is None:
+        made.use_nodes = True
+    node, output = made.node_tree.nodes.new("ShaderNodeDisplacement"), made.node_tree.nodes["Material Output"]
+    made.node_tree.links.new(node.outputs[0], output.inputs["Displacement"])
+    made.displacement_method = "DISPLACEMENT"
+    bpy.data.objects["Object 1"].data.materials.append(made)
+
+
+NAMED_EDITS = (keyed_object, keyed_lamp, hidden_and_moved_object, removed_object, displaced_material)
 EDITS = (moved_object, moved_vertex, new_object, hidden_object, wider_lamp, moved_surface)
 OBSTACLES = {simulated_object: "'Object 1' is simulated", foggy_world: "filled with a volume"}
 
@@ -168,6 +200,26 @@ def test_an_edit_stops_skipping_until_the_next_render(skipping, rigged, tmp_path
     assert not skipping.skips(rigged) and rigged.scfpf_rig.travels_all == skipping.CHANGED
     render_passes(tmp_path / "some")
     assert skipping.skips(rigged) and rigged.scfpf_rig.travels_all == ""
+
+
+def test_what_updates_name_stops_skipping(addon, skipping, rigged, monkeypatch):
+    """A look at what they name is enough, and others change nothing."""
+    states, looks = addon("cycles.skipping.scene_state"), []
+    state = states._object_state
+    monkeypatch.setattr(states, "_object_state", lambda obj: looks.append(obj.name) or state(obj))
+    for _ in range(3):
+        bpy.data.objects["Object 1"].update_tag(refresh={"OBJECT"})
+        bpy.data.materials.new("Unused").diffuse_color[0] = 0.5
+        bpy.context.view_layer.update()
+    assert skipping.skips(rigged) and set(looks) == {"Object 1"}
+    for edit in NAMED_EDITS:
+        edit(bpy.context.scene)
+        bpy.context.view_layer.update()
+        assert not skipping.skips(rigged), edit.__name__
+        for material in bpy.data.materials:
+            material.displacement_method = "BUMP"
+        addon("cycles.rig").update(bpy.context, rigged)
+        assert skipping.skips(rigged), edit.__name__
 
 
 @pytest.mark.parametrize("edit", OBSTACLES)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything in a file and its handlers, to be compared before and after; and faults between."""
 
+import hashlib
 import sys
 from contextlib import contextmanager
 
 import bpy
+import numpy as np
 
 # Statistics, and what Blender itself changes when anything is evaluated.
 VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "statistics"}
@@ -29,6 +31,8 @@ def file_state():
         found[f"{scene.name} markers"] = [(m.name, m.frame, _name(m.camera)) for m in scene.timeline_markers]
         for layer in scene.view_layers:
             found[f"{scene.name} {layer.name}"] = (values_of(layer), _layers(layer.layer_collection))
+            selected = sorted(obj.name_full for obj in layer.objects if obj.select_get(view_layer=layer))
+            found[f"{scene.name} {layer.name} selected"] = selected, _name(layer.objects.active)
     for collection in bpy.data.collections:
         found[f"collection {collection.name_full}"] = (
             sorted(obj.name_full for obj in collection.objects),
@@ -45,6 +49,8 @@ def file_state():
             "values": values_of(obj),
             "shape": _shape(obj.data),
         }
+    for lens in bpy.data.cameras:
+        found[f"lens {lens.name_full}"] = values_of(lens)
     for name in dir(bpy.app.handlers):
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
@@ -84,12 +90,28 @@ def _layers(layer):
 
 def _shape(data):
     if isinstance(data, bpy.types.Mesh):
-        return len(data.vertices), len(data.polygons), [_name(m) for m in data.materials]
+        materials = [_name(m) for m in data.materials]
+        return _points(data.vertices), len(data.polygons), materials, _keys(data.shape_keys)
     if isinstance(data, bpy.types.Curve):
-        keys = data.shape_keys
         points = [tuple(p.co) for spline in data.splines for p in spline.points]
-        return points, [] if keys is None else [key.name for key in keys.key_blocks]
+        return points, _keys(data.shape_keys)
     return None
+
+
+def _points(vertices):
+    """The number of vertices or points of a shape key, and a digest of where they are."""
+    values = np.empty(3 * len(vertices), np.float32)
+    vertices.foreach_get("co", values)
+    return len(vertices), hashlib.sha256(values.tobytes()).hexdigest()[:8]
+
+
+def _keys(keys):
+    """The shape keys of an object's data, and what moves them."""
+    if keys is None:
+        return None
+    drivers = keys.animation_data.drivers if keys.animation_data else ()
+    shapes = [(key.name, key.mute, key.value, _points(key.data)) for key in keys.key_blocks]
+    return shapes, sorted((curve.data_path, curve.driver.expression) for curve in drivers)
 
 
 def differences(before, after):
