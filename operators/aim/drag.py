@@ -11,6 +11,7 @@ from ...scfpf_addon.bridge.aim.drag import AimDrag
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
+from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
@@ -69,16 +70,16 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         camera = flexible_camera_of(context)
         try:
             self._choose(camera)
-            drag = AimDrag(camera, context.evaluated_depsgraph_get())
+            with Kept() as kept:
+                drag = AimDrag(camera, context.evaluated_depsgraph_get())
+                kept.callback(self._put_back)
+                kept.callback(drag.restore)
+                self._place()
+                message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
+                kept.pop_all()
         except BAD_INPUT as error:
             return refused(self, error)
-        self._place()
-        try:
-            message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
-            self.tell(object_by_uid(self._camera), message)
-        except BAD_INPUT as error:
-            self._put_back()
-            return refused(self, error)
+        self.tell(object_by_uid(self._camera), message)
         return {"FINISHED"}
 
     def invoke(self, context, event):

@@ -13,6 +13,7 @@ from ...scfpf_addon.bridge.aim.drag import make_followable
 from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
+from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ..common import running
 from ..common.errors import BAD_INPUT, refused
@@ -74,9 +75,12 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
             )
         return camera
 
-    def edit(self, context, camera):
-        uid = camera.session_uid
-        message = run_through(solving_animation(camera, context))
+    def act(self, context):
+        with all_or_nothing() as kept:
+            camera = self.prepared(context, kept)
+            uid = camera.session_uid
+            message = run_through(solving_animation(camera, context))
+        # The surfaces that the volume had are gone by now: nothing may fail that would remove its new ones.
         self.tell(object_by_uid(uid), message)
 
     def invoke(self, context, _event):

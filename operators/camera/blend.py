@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
+from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.blender.scene_objects import absent_text
 from ...scfpf_addon.bridge.blender.slot_animation import BLEND_MORE, remove_slot
 from ...scfpf_addon.bridge.blends.blend_bake import bake_map
@@ -26,7 +27,7 @@ from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ...scfpf_addon.projection.template_error import Message
 from ...scfpf_addon.projection.volume.folds import find_folds
 from ..common.target import flexible_camera_of, poll_flexible_camera, selected_objects
-from ..common.tool import Tool, select_only
+from ..common.tool import Tool, select_only, wholly_made
 from ..common.words import say
 from .presets import preset_choices, preset_items, shipped_preset
 
@@ -97,9 +98,10 @@ class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         first, *further = _chosen(context)
         _require_room(len(further) + 2)
-        made = blend_camera(context, first, _seen(context, camera), camera.name, further)
-        made.scfpf.blend_ends.second = camera
-        return _done(made)
+        with wholly_made(context):
+            made = blend_camera(context, first, _seen(context, camera), camera.name, further)
+            made.scfpf.blend_ends.second = camera
+            return _done(made)
 
 
 def _chosen(context) -> list:
@@ -133,9 +135,10 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         preset = shipped_preset(self.preset)
         second = _preset_before(context, camera, preset)
-        made = blend_camera(context, camera, second, preset.name)
-        made.scfpf.blend_ends.preset = self.preset
-        return _done(made)
+        with wholly_made(context):
+            made = blend_camera(context, camera, second, preset.name)
+            made.scfpf.blend_ends.preset = self.preset
+            return _done(made)
 
 
 class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
@@ -156,10 +159,11 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         was_baked, scene = is_baked(camera), context.scene
-        done = updated(context, camera)
-        if was_baked and is_map_animated(camera):
-            bake_map(camera, scene, scene.frame_start, scene.frame_end)
-        return done
+        with volume_kept(camera):
+            done = updated(context, camera)
+            if was_baked and is_map_animated(camera):
+                bake_map(camera, scene, scene.frame_start, scene.frame_end)
+            return done
 
 
 class SCFPF_OT_blend_camera_add(Tool, bpy.types.Operator):
@@ -181,16 +185,12 @@ class SCFPF_OT_blend_camera_add(Tool, bpy.types.Operator):
         settings = camera.scfpf
         before, chosen = len(settings.blend_more), _chosen(context)
         _require_room(before + len(chosen) + 2)
-        for end in chosen:
-            settings.blend_more.add().camera = end
-        try:
+        with volume_kept(camera):
+            for end in chosen:
+                settings.blend_more.add().camera = end
             done = updated(context, camera)
-        except Exception:
-            while len(settings.blend_more) > before:
-                settings.blend_more.remove(before)
-            raise
-        settings.active_blend = len(settings.blend_more) - 1
-        return done
+            settings.active_blend = len(settings.blend_more) - 1
+            return done
 
 
 class SCFPF_OT_blend_camera_remove(Tool, bpy.types.Operator):
@@ -210,8 +210,9 @@ class SCFPF_OT_blend_camera_remove(Tool, bpy.types.Operator):
         return True
 
     def edit(self, context, camera):
-        remove_slot(camera.scfpf, camera.scfpf.active_blend, BLEND_MORE)
-        return updated(context, camera)
+        with volume_kept(camera):
+            remove_slot(camera.scfpf, camera.scfpf.active_blend, BLEND_MORE)
+            return updated(context, camera)
 
 
 def updated(context, camera) -> str:

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
+from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blends.blend_bake import bake_map
 from ...scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated
@@ -54,15 +55,11 @@ class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         settings, field = camera.scfpf, _field_of(camera, self.number)
-        before, factor = field.kind, settings.blend_factor
-        field.kind = self.kind
-        if before == "NONE" and factor == 0.0:
-            settings.blend_factor = 1.0  # else the map would show nothing
-        try:
+        with volume_kept(camera):
+            if field.kind == "NONE" and settings.blend_factor == 0.0:
+                settings.blend_factor = 1.0  # else the map would show nothing
+            field.kind = self.kind
             return updated(context, camera)
-        except Exception:
-            field.kind, settings.blend_factor = before, factor
-            raise
 
 
 class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
@@ -85,9 +82,10 @@ class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         scene = context.scene
-        updated(context, camera)
-        kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
-        return say("The map is baked into {0} shapes of each surface", kept)
+        with volume_kept(camera):
+            updated(context, camera)
+            kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
+            return say("The map is baked into {0} shapes of each surface", kept)
 
 
 class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
@@ -114,17 +112,18 @@ class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
         left, low, right, high = _seen_box(context, first)
         camera = object_by_uid(uid)
         field = _field_of(camera, self.number)
-        if field.kind not in ("RADIAL", "RECTANGLE"):
-            field.kind = "RADIAL"
-        field.center, field.angle = ((left + right) / 2, (low + high) / 2), 0.0
-        aspect, border = image_aspect(context.scene), field.border
-        # Half of the border is inside.
-        if field.kind == "RECTANGLE":
-            field.size = right - left + border, high - low + border * aspect
-        else:
-            field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
-        updated(context, camera)
-        return say("The map is around the selection as '{0}' sees it", name)
+        with volume_kept(camera):
+            if field.kind not in ("RADIAL", "RECTANGLE"):
+                field.kind = "RADIAL"
+            field.center, field.angle = ((left + right) / 2, (low + high) / 2), 0.0
+            aspect, border = image_aspect(context.scene), field.border
+            # Half of the border is inside.
+            if field.kind == "RECTANGLE":
+                field.size = right - left + border, high - low + border * aspect
+            else:
+                field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
+            updated(context, camera)
+            return say("The map is around the selection as '{0}' sees it", name)
 
 
 def _seen_box(context, camera) -> tuple[float, float, float, float]:

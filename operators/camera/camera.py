@@ -5,12 +5,12 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
+from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.errors import BAD_INPUT
 from ..common.scene_box import Box, scene_box
 from ..common.target import camera_of, poll_camera, poll_object_mode, poll_scene
-from ..common.tool import Action, select_only, show_in_local_view, tooltip_of
+from ..common.tool import Action, select_only, show_in_local_view, tooltip_of, wholly_made
 from .camera_placement import camera_like_view, camera_seeing, fit_depth
 from .presets import preset_items, shipped_preset, use_preset
 
@@ -50,25 +50,22 @@ class SCFPF_OT_camera_add(Action, bpy.types.Operator):
         aspect = image_aspect(scene)
         preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
         box = scene_box(context) or EMPTY_SCENE
-        data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
-        camera = bpy.data.objects.new("Flexible Camera", data)
-        camera.matrix_world = fit_depth(data, matrix, box)
-        # The active collection may be another file's.
-        holder = context.collection if context.collection.is_editable else scene.collection
-        holder.objects.link(camera)
-        context.view_layer.update()
-        try:
+        with wholly_made(context):
+            data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
+            camera = bpy.data.objects.new("Flexible Camera", data)
+            camera.matrix_world = fit_depth(data, matrix, box)
+            # The active collection may be another file's.
+            holder = context.collection if context.collection.is_editable else scene.collection
+            holder.objects.link(camera)
+            context.view_layer.update()
             if preset is None:
                 volume_from_camera(camera, scene)
             else:
                 use_preset(context, camera, preset, fit=True)
-        except BAD_INPUT:
-            bpy.data.cameras.remove(data)
-            raise
-        select_only(context, camera)
-        show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
-        if scene.camera is None:
-            scene.camera = camera
+            select_only(context, camera)
+            show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
+            if scene.camera is None:
+                scene.camera = camera
         return "Press N for its panel, in the tab Flexible. Turn the view to see its volume"
 
 
@@ -81,7 +78,9 @@ class SCFPF_OT_camera_from_camera(Action, bpy.types.Operator):
     poll = classmethod(poll_camera)
 
     def act(self, context):
-        volume_from_camera(camera_of(context), context.scene)
+        camera = camera_of(context)
+        with volume_kept(camera):
+            volume_from_camera(camera, context.scene)
 
 
 class SCFPF_OT_camera_toggle(Action, bpy.types.Operator):

@@ -3,10 +3,11 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
 from ..common.target import selected_objects
-from ..common.tool import Tool
+from ..common.tool import Tool, wholly_made
 from ..common.words import say
 
 
@@ -27,6 +28,10 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
             raise FlexibleCameraError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
+        with wholly_made(context):
+            self._duplicate(context, camera, originals)
+
+    def _duplicate(self, context, camera, originals: list) -> None:
         for obj in selected_objects(context):
             obj.select_set(False)
         for obj in originals:
@@ -35,12 +40,12 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
                 obj.select_set(True)
         context.view_layer.objects.active = camera
         hidden = [obj for obj in originals if obj.hide_select and obj.is_editable]
-        for obj in hidden:
-            obj.hide_select = False
-        bpy.ops.object.duplicate(linked=False)
+        with Kept() as kept:
+            for obj in hidden:
+                kept.keep(obj, "hide_select")
+                obj.hide_select = False
+            bpy.ops.object.duplicate(linked=False)
         copy = context.view_layer.objects.active
-        for obj in hidden:
-            obj.hide_select = True
         make_single_user(copy)
         for obj in selected_objects(context):
             obj.select_set(obj == copy)

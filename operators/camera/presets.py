@@ -7,6 +7,7 @@ import pathlib
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
+from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
@@ -90,7 +91,9 @@ class PresetOperator(Action):
 
     def act(self, context):
         preset = self.read()
-        use_preset(context, camera_of(context), preset, self.fit)
+        camera = camera_of(context)
+        with volume_kept(camera):
+            use_preset(context, camera, preset, self.fit)
         return say("The camera has the volume of the preset {0}", preset.name)
 
 

@@ -7,7 +7,7 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.scanline.preview import preview_building
-from ...scfpf_addon.scanline.preview.preview import show, switch_off, switched_on
+from ...scfpf_addon.scanline.preview.preview import moved, show, switch_off, switched_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common import running
@@ -113,11 +113,10 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
             switch_off(source)
             return {"FINISHED"}
-        if source is not None:
-            # A preview of another view layer is replaced.
-            switch_off(source)
         try:
-            with switched_on(context, camera) as source:
+            # That of another view layer is moved.
+            is_new = source is None
+            with switched_on(context, camera) if is_new else moved(context, source) as source:
                 texts = self._cautions(context, camera, source)
         except BAD_INPUT as error:
             return refused(self, error)

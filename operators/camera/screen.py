@@ -8,10 +8,9 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_
 from ...scfpf_addon.bridge.camera.screen_camera import look_at, screen_points, volume_from_screen
 from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.errors import BAD_INPUT
 from ..common.scene_box import scene_box
 from ..common.target import active_object, poll_object_mode, poll_scene, selected_objects
-from ..common.tool import Action, select_only, show_in_local_view
+from ..common.tool import Action, select_only, show_in_local_view, wholly_made
 from ..common.words import say
 
 
@@ -39,26 +38,23 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
         eye = next((o for o in selected_objects(context) if o != screen and o.type != "MESH"), None)
         place = scene.cursor.location if eye is None else eye.matrix_world.translation
         box = scene_box(context)
-        data = bpy.data.cameras.new(f"{screen.name} Camera")
-        camera = bpy.data.objects.new(data.name, data)
-        look_at(camera, np.array(place, np.float64), points)
-        if eye is not None:
-            follow = camera.constraints.new("COPY_LOCATION")
-            follow.name, follow.target = "Eye", eye
-        holder = context.collection if context.collection.is_editable else scene.collection
-        holder.objects.link(camera)
-        context.view_layer.update()
-        try:
+        with wholly_made(context):
+            data = bpy.data.cameras.new(f"{screen.name} Camera")
+            camera = bpy.data.objects.new(data.name, data)
+            look_at(camera, np.array(place, np.float64), points)
+            if eye is not None:
+                follow = camera.constraints.new("COPY_LOCATION")
+                follow.name, follow.target = "Eye", eye
+            holder = context.collection if context.collection.is_editable else scene.collection
+            holder.objects.link(camera)
+            context.view_layer.update()
             volume_from_screen(camera, screen, points, box.corners if box else points.T)
             projection = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(scene))
-        except BAD_INPUT:
-            bpy.data.cameras.remove(data)
-            raise
-        approximate_lens(camera, projection.transformed(world_to_camera(camera)))
-        select_only(context, camera)
-        show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
-        if scene.camera is None:
-            scene.camera = camera
+            approximate_lens(camera, projection.transformed(world_to_camera(camera)))
+            select_only(context, camera)
+            show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
+            if scene.camera is None:
+                scene.camera = camera
         at = "the 3D cursor" if eye is None else f"'{eye.name}'"
         return say("'{0}' fills the UV map of '{1}', seen from {2}", camera.name, screen.name, at)
 

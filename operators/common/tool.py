@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Base classes of operators, and the selection and local view of the objects that operators make."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from bpy.app.translations import pgettext_rpt
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from .errors import BAD_INPUT, refused
 from .target import flexible_camera_of, poll_flexible_camera, selected_objects
 from .unstored_edits import note_edit
@@ -44,6 +48,24 @@ class Tool(Action):
         made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
         show_in_local_view(context, made)
         return message
+
+
+@contextmanager
+def wholly_made(context) -> Iterator[None]:
+    """Remove the objects that the block has made, and restore selection and scene camera, if it raises."""
+    selected, active = selected_objects(context), context.view_layer.objects.active
+    with all_or_nothing() as kept:
+        kept.callback(_select_again, context.view_layer, selected, active)
+        kept.keep(context.scene, "camera")
+        kept.keep(context.scene.scfpf_sampling, "world_shadows")
+        yield
+
+
+def _select_again(view_layer, selected: list, active) -> None:
+    for obj in view_layer.objects:
+        if obj.select_get(view_layer=view_layer) != (obj in selected):
+            obj.select_set(obj in selected, view_layer=view_layer)
+    view_layer.objects.active = active
 
 
 def plain(text: str) -> str:

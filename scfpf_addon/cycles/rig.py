@@ -29,6 +29,7 @@ from .chord_planning import Planned, chords_of, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .portals.sheets import has_no_area, image_places
 from .rig_data import (
+    BOUNCES,
     CYCLES,
     SAME_SCREEN,
     RigError,
@@ -51,6 +52,7 @@ from .rig_data import (
     rigs,
     sheets_kept,
     update_nodes,
+    write_passes,
     write_sheets,
 )
 from .skipping.refresh import forget_all, renew, stop_skipping, watch, write_skipping
@@ -144,8 +146,7 @@ def _keep_settings(kept: Kept, scene, camera) -> None:
     for user in bpy.data.scenes:
         kept.keep(user, "camera")
     kept.keep(scene.render, "engine")
-    bounces = "transparent_max_bounces", "min_transparent_bounces"
-    kept.keep(scene.cycles, *bounces, "dicing_camera", "offscreen_dicing_scale")
+    kept.keep(scene.cycles, *BOUNCES, "dicing_camera", "offscreen_dicing_scale")
     for marker in scene.timeline_markers:
         kept.keep(marker, "camera")
     for space in _viewports(scene):
@@ -156,15 +157,16 @@ def update(context, rig, plan: Planned | None = None) -> None:
     """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
     plan = planned(context, rig.scfpf_rig.camera) if plan is None else plan
     chords = plan.chords
-    with _rewritten(rig):
+    with all_or_nothing(), _rewritten(rig):
         rig.scfpf_rig.is_own_view = chords.is_own_view
         update_nodes(rig)
-        renew_materials(rig)
+        before = renew_materials(rig)
         aov_passes.renew(rig.scfpf_rig.scene)
         _note_plan(rig, plan)
         rig.scfpf_rig.problem = ""
         write_skipping(rig, chords)
         _note(rig, context.evaluated_depsgraph_get(), chords)
+    bpy.data.batch_remove([material for material in before if material.users == 0])
 
 
 def _note_plan(rig, plan: Planned) -> None:
@@ -190,10 +192,16 @@ def set_passes(rig, on: bool) -> None:
     """Switch the passes of t, depth, u and v of a rig's scene on or off. Raises RigError."""
     if on and rig.scfpf_rig.scene.render.engine != CYCLES:
         raise RigError("Choose Cycles as the render engine: only it has these passes")
-    check_surfaces(rig.scfpf_rig.camera)
-    rig.scfpf_rig.passes = on
-    (aov_passes.add if on else aov_passes.remove)(rig.scfpf_rig.scene)
-    update_nodes(rig)
+    settings = rig.scfpf_rig
+    check_surfaces(settings.camera)
+    change, take_back = (aov_passes.add, aov_passes.remove)[:: 1 if on else -1]
+    with all_or_nothing() as kept:
+        kept.callback(write_passes, rig, settings.passes)
+        kept.callback(take_back, settings.scene)
+        kept.keep(settings, "passes")
+        settings.passes = on
+        change(settings.scene)
+        update_nodes(rig)
 
 
 def switch_off(rig) -> None:

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..bridge.blender import versions
-from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
+from ..bridge.blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_back
 from ..bridge.blender.drivers import follow_property, new_driver
 from ..bridge.blender.modifier_inputs import input_identifiers, renew_relations, set_inputs
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, MARK_KEY, RIG_KEY, add_mark
@@ -62,6 +62,8 @@ LAYOUT = 1
 # Screens that differ by this factor less than e are left alone when the volume is edited.
 SAME_SCREEN = 0.1
 CYCLES = "CYCLES"
+# Settings of Cycles that depend on the chords.
+BOUNCES = "transparent_max_bounces", "min_transparent_bounces"
 # Inputs of the modifier that depend on the sheets.
 WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes", "Along Axis")
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
@@ -217,15 +219,18 @@ def _give_materials(mesh, scene, camera) -> None:
         mesh.materials.append(material)
 
 
-def renew_materials(rig) -> None:
-    """Replace a rig's materials and its mark: another version of the add-on may have made them."""
+def renew_materials(rig) -> set:
+    """Replace a rig's materials and its mark: another version of the add-on may have made them.
+
+    Returns the materials that it had before, to be removed once nothing uses them.
+    """
     settings = rig.scfpf_rig
     _hide_from_others(settings.portals, settings.view_camera[MARK_KEY])
     settings.layout = LAYOUT
     mesh = settings.portals.data
     before = set(mesh.materials) - {None}
     _give_materials(mesh, settings.scene, settings.camera)
-    bpy.data.batch_remove([material for material in before if material.users == 0])
+    return before
 
 
 def _take_over(rig) -> None:
@@ -334,6 +339,11 @@ def update_nodes(rig) -> None:
     set_inputs(modifier, values)
     renew_relations(modifier)
     settings.portals.update_tag()
+
+
+def write_passes(rig, on: bool) -> None:
+    """Let the portals of a rig write passes, or not, without a look at anything else."""
+    set_inputs(rig.scfpf_rig.portals.modifiers[MODIFIER], {"Passes": on})
 
 
 def _screen_inputs(screen: Screen) -> dict[str, object]:
@@ -461,7 +471,7 @@ def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
 
 @contextmanager
 def sheets_kept(rig) -> Iterator[None]:
-    """Restore the sheets and the figures of a rig if the block raises."""
+    """Restore the sheets, the materials and the figures of a rig if the block raises."""
     settings = rig.scfpf_rig
     portal_object, modifier = settings.portals, settings.portals.modifiers[MODIFIER]
     mesh = portal_object.data
@@ -470,19 +480,19 @@ def sheets_kept(rig) -> Iterator[None]:
     present = [name for name in WRITTEN_INPUTS if name in identifiers]
     inputs = {name: versions.modifier_input(modifier, identifiers[name]) for name in present}
     backup = mesh.copy()
-    backup.materials.clear()
     try:
         with Kept() as kept:
             kept.keep(settings)
+            for part in settings.view_camera, settings.dicing_camera:
+                if part is not None:
+                    kept.keep(part, *PLACE)
+                    kept.keep(part.data)
+            if has_cycles(settings.scene):
+                kept.keep(settings.scene.cycles, *BOUNCES)
             yield
             kept.pop_all()
     except BaseException:
-        for material in mesh.materials:
-            backup.materials.append(material)
-        name = mesh.name
-        portal_object.data = backup
-        bpy.data.meshes.remove(mesh)
-        backup.name = name
+        put_back(backup, mesh)
         set_inputs(modifier, inputs)
         raise
     bpy.data.meshes.remove(backup)

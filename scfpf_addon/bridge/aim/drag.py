@@ -53,7 +53,12 @@ class AimDrag:
             except BaseException:
                 self._replaced.drop(camera)
                 raise
-        self._before, self._measures = present_patches(camera), Measures.of(camera)
+        try:
+            self._before, self._measures = present_patches(camera), Measures.of(camera)
+        except BaseException:
+            if self._replaced is not None:
+                self._replaced.bring_back(camera)
+            raise
 
     def _fits(self, camera) -> bool:
         present = [patch.points.shape for patch in present_patches(camera)]

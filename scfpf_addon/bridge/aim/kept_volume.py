@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..blender.all_or_nothing import all_or_nothing
+from ..blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_back
 from ..blender.scene_objects import delete_with_data, object_by_uid
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from ..camera.flexible_camera import clear_surfaces, make_flexible
@@ -48,7 +48,7 @@ class KeptVolume:
         for name in SETTINGS:
             setattr(camera.scfpf, name, getattr(copy.scfpf, name))
         make_flexible(camera)
-        bpy.data.objects.remove(copy)
+        delete_with_data(copy)
 
     def drop(self, camera) -> None:
         """Delete the kept surfaces, grids and curves that nothing else uses, as replacing them would have."""
@@ -59,24 +59,22 @@ class KeptVolume:
 
 @contextmanager
 def volume_kept(camera) -> Iterator[None]:
-    """Bring a camera's volume back, with the shapes of its surfaces, if the block raises.
+    """Bring a camera's volume back, with the shapes of its surfaces and the lens, if the block raises.
 
-    F-curves of the list of surfaces that the block removes stay removed.
+    F-curves of the list of surfaces that the block removes stay removed. What it replaces goes at its end.
     """
     surfaces = [surface for surface in surfaces_of(camera) if surface.is_editable and surface.data]
     actions = {_action_of(surface) for surface in surfaces} - {None}
-    backups = {surface: surface.data.copy() for surface in surfaces}
-    try:
-        with all_or_nothing() as kept:
-            holder = _holder_of(camera)
-            for surface in surfaces:
-                kept.callback(_restore_data, surface, surface.data, backups)
-                kept.keep(surface, *SHOWN)
-                kept.keep_keys(surface)
-            kept.keep(camera.scfpf)
-            yield
-    finally:
-        bpy.data.batch_remove([*backups.values()])
+    with all_or_nothing() as kept:
+        backups = {data: data.copy() for data in {surface.data for surface in surfaces}}
+        holder = _holder_of(camera)
+        for surface in surfaces:
+            kept.callback(_restore_data, surface, surface.data, backups)
+            kept.keep(surface, *SHOWN, *PLACE)
+            kept.keep_keys(surface)
+        _keep_camera(kept, camera)
+        yield
+    bpy.data.batch_remove([*backups.values()])
     _drop(holder, camera)
     bpy.data.batch_remove([action for action in actions if action.users == 0 and action.is_editable])
 
@@ -87,16 +85,23 @@ def _action_of(surface):
     return None if keys is None or keys.animation_data is None else keys.animation_data.action
 
 
+def _keep_camera(kept: Kept, camera) -> None:
+    """Keep what a new volume sets of a camera and its scenes."""
+    kept.keep(camera.scfpf)
+    kept.keep(camera, "data", *PLACE)
+    if camera.data.is_editable:
+        kept.keep(camera.data)
+    for scene in camera.users_scene:
+        # The first flexible camera of a scene sets it.
+        kept.keep(scene.scfpf_sampling, "world_shadows")
+
+
 def _restore_data(surface, data, backups: dict) -> None:
-    """Give a surface its data as they were, under their name."""
-    if surface.data != data:
-        # Those that it shared with others, which nobody has changed.
+    """Give a surface its data as they were, under their name. Surfaces may share them."""
+    if surface.data != data and data in backups:
         surface.data = data
-        return
-    backup, name = backups.pop(surface), data.name
-    data.user_remap(backup)
-    bpy.data.batch_remove([data])
-    backup.name = name
+    if data in backups:
+        put_back(backups.pop(data), data)
 
 
 def _is_keyed(camera) -> bool:
@@ -108,6 +113,8 @@ def _is_keyed(camera) -> bool:
 def _holder_of(camera):
     """A copy of a camera, in no scene, that lists the same surfaces, mappings and grids."""
     copy = camera.copy()
+    # The camera is to remain the only user of its lens.
+    copy.data = bpy.data.cameras.new(copy.name)
     copy.scfpf.volume_object = None
     copy.animation_data_clear()
     return copy
@@ -117,7 +124,7 @@ def _drop(holder, camera) -> None:
     """Remove a ``_holder_of`` a camera, and what nothing else has of what it lists."""
     members = surfaces_of(holder) + grids_of(holder)
     curves = [mapping.curve for mapping in holder.scfpf.mappings if mapping.curve is not None]
-    bpy.data.objects.remove(holder)
+    delete_with_data(holder)
     used = {obj for each in all_cameras() for obj in surfaces_of(each) + grids_of(each)}
     for obj in members:
         if obj.parent == camera and obj.is_editable and obj not in used:

@@ -17,6 +17,19 @@ LIBRARIES = "libraries"
 # The add-on's own custom properties begin so.
 OWN_KEYS = "scfpf_"
 
+# Properties that place an object.
+PLACE = (
+    "location",
+    "rotation_mode",
+    "rotation_euler",
+    "rotation_quaternion",
+    "rotation_axis_angle",
+    "scale",
+)
+
+# The names of the datablocks that each block in progress has found, by session id.
+_found: list[dict[int, str]] = []
+
 
 class Kept(ExitStack):
     """The way back of a block: values that it keeps and callbacks, taken in reverse order if it raises."""
@@ -38,10 +51,31 @@ class Kept(ExitStack):
 def all_or_nothing() -> Iterator[Kept]:
     """Remove the datablocks that the block has made, and take its way back, if it raises."""
     names = _present_names()
-    with Kept() as kept:
-        kept.callback(_restore_datablocks, names)
-        yield kept
-        kept.pop_all()
+    _found.append(names)
+    try:
+        with Kept() as kept:
+            kept.callback(_restore_datablocks, names)
+            yield kept
+            kept.pop_all()
+    finally:
+        _found[:] = [other for other in _found if other is not names]
+
+
+def put_back(backup, datablock) -> None:
+    """Put a backup in the place of a datablock, on the way back of a block.
+
+    The blocks around it, which have found the datablock, then take the backup for it.
+    """
+    uid, name, keys = datablock.session_uid, datablock.name, getattr(datablock, "shape_keys", None)
+    keys_name = "" if keys is None else keys.name
+    datablock.user_remap(backup)
+    for names in _found:
+        if uid in names:
+            names[backup.session_uid] = names.pop(uid)
+    bpy.data.batch_remove([datablock])
+    backup.name = name
+    if getattr(backup, "shape_keys", None) is not None and keys_name:
+        backup.shape_keys.name = keys_name
 
 
 def _datablocks() -> Iterator[bpy.types.ID]:

@@ -99,6 +99,37 @@ def switched_on(context, camera) -> Iterator:
         yield source
 
 
+@contextmanager
+def moved(context, source) -> Iterator:
+    """Move a preview to the context's view layer, and its viewports to windows with it.
+
+    As ``switched_on``, with a block that gets the source; after any error in it, too, all is as before.
+    """
+    settings = source.scfpf_preview
+    with all_or_nothing() as kept:
+        kept.callback(_put_into, source, settings.view_layer)
+        kept.keep(settings)
+        _put_into(source, context.view_layer.name)
+        others = preview_viewports.viewports_of(source)
+        here = [pair for pair in others if pair[0].view_layer == context.view_layer]
+        if context.window is not None and not bpy.app.background and not here:
+            show(context, source)
+        yield source
+    for window, area in others:
+        if (window, area) not in here:
+            preview_viewports.close_viewport(window, area)
+
+
+def _put_into(source, name: str) -> None:
+    """Let a preview show what a view layer of its scene, by its name, shows."""
+    settings = source.scfpf_preview
+    settings.view_layer = name
+    hide_in_layers(source)
+    view_layer = settings.scene.view_layers[name]
+    view_layer.update()
+    _follow_members(source, view_layer, view_layer.depsgraph)
+
+
 def show(context, source) -> None:
     """Open a viewport of a preview; raises ViewportError."""
     preview_viewports.open_viewport(context, source)

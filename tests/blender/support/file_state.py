@@ -2,7 +2,7 @@
 """Everything in a file and its handlers, to be compared before and after; and faults between."""
 
 import hashlib
-import sys
+import inspect
 from contextlib import contextmanager
 
 import bpy
@@ -14,7 +14,11 @@ SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 class Fault(Exception):
-    """Raised by ``fault_at``."""
+    """Raised by ``fault_in``."""
+
+
+# What the code that stands for a function's calls, by the function's name.
+FAULTS = {}
 
 
 def file_state():
@@ -130,44 +134,26 @@ def _first_difference(one, other):
     return f"{one!r:.200} -> {other!r:.200}"
 
 
-def called_in(action, is_meant, depth):
-    """The code of the functions that an action calls, in the order of their first calls.
-
-    depth: of functions that are meant, calling each other.
-    """
-    found = {}
-
-    def trace(frame, _event, _argument):
-        code, callers = frame.f_code, 0
-        if code in found or not is_meant(code):
-            return
-        while frame is not None:
-            callers += is_meant(frame.f_code)
-            frame = frame.f_back
-        if callers <= depth:
-            found[code] = None
-
-    sys.settrace(trace)
-    try:
-        action()
-    finally:
-        sys.settrace(None)
-    return list(found)
-
-
 @contextmanager
-def fault_at(code):
-    """Raise Fault at the first call of a function; yields a list that then is not empty."""
-    happened = []
+def fault_in(function):
+    """Raise Fault at the first call of a function, whoever has imported it; later calls do as ever.
 
-    def trace(frame, _event, _argument):
-        if frame.f_code is code:
-            happened.append(code.co_qualname if hasattr(code, "co_qualname") else code.co_name)
-            sys.settrace(None)
-            raise Fault(code.co_name)
+    Yields a list that then is not empty.
+    """
+    own = inspect.unwrap(getattr(function, "__func__", function))
+    code, happened = own.__code__, []
 
-    sys.settrace(trace)
+    def fail(*_, **__):
+        happened.append(own.__qualname__)
+        own.__code__ = code
+        raise Fault(own.__qualname__)
+
+    FAULTS[own.__qualname__] = fail
+    space = {}
+    exec(f"def fault(*_, **__):\n    __import__('file_state').FAULTS[{own.__qualname__!r}]()\n", space)
+    own.__code__ = space["fault"].__code__
     try:
         yield happened
     finally:
-        sys.settrace(None)
+        own.__code__ = code
+        del FAULTS[own.__qualname__]

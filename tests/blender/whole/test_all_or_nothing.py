@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that fail at any step leave the file, its settings and the handlers as they were."""
+"""Operators that fail at any step leave the file, its settings and the handlers as they were.
+
+The steps are those before which something has been changed: a fault in other functions is one in these.
+"""
+
+import math
+import os
+import sys
 
 import bpy
 import pytest
-from file_state import called_in, differences, fault_at, file_state
+from file_state import differences, fault_in, file_state
 from rig_scenes import bent_camera, keep_groups, start_anew
 
-# Packages with bpy: a fault in the others is one in their callers.
-WATCHED = ("/operators/", "/bridge/", "/cycles/", "/scanline/")
-# Functions whose faults leave Blender in no other state: they belong to handlers, which only print them.
-UNWATCHED = ("_scene_updated", "_frame_changed", "_evaluated", "concerned", "<lambda>", "<genexpr>")
-# Functions that call each other, from an operator down. Deeper ones fail in their callers.
-DEPTH = 4
+sys.path.append(os.path.join(os.path.dirname(__file__), "..", "aim", "support"))
+
+from aim_scenes import box_scene, turned_view
+
+OPERATORS = bpy.ops.scfpf
+# Images of a render that is done: a later fault does not take it back.
+RESULTS = {"Render Result", "SCFPF Render"}
 
 
 @pytest.fixture(autouse=True)
@@ -22,69 +30,324 @@ def empty_file(extension):
     keep_groups()
 
 
-def is_meant(code):
-    path = code.co_filename.replace("\\", "/")
-    return any(part in path for part in WATCHED) and "scfpf" in path and code.co_name not in UNWATCHED
+@pytest.fixture(autouse=True)
+def quick_solves(addon, monkeypatch):
+    """One way of solving, judged by a small image."""
+    targets, rounds = addon("bridge.aim.solve_targets"), addon("casting.aim.rounds")
+    monkeypatch.setattr(targets, "COLUMNS", 32)
+    monkeypatch.setattr(targets, "BUDGET", math.inf)
+    monkeypatch.setattr(rounds, "other_ways", lambda first: [])
+    monkeypatch.setattr(rounds, "MENDABLE", 0.0)
+    solve, found = targets.solution_of, []
+
+    def once(inputs, progress):
+        """The solution of a problem that is the same at each step."""
+        found[:] = found or [solve(inputs, progress)]
+        return found[0]
+
+    monkeypatch.setattr(targets, "solution_of", once)
 
 
-def check_every_step(action, undo):
-    """Let an action fail at the first call of every function that it calls, each time from the same state."""
-    action()
-    keep_groups()  # building them at each step would take most of the time
-    undo()
-    bpy.context.view_layer.update()
-    codes = called_in(action, is_meant, DEPTH)
-    undo()
-    bpy.context.view_layer.update()
-    before, faults = file_state(), []
-    for code in codes:
-        with fault_at(code):
-            try:
-                action()
-            except Exception as error:
-                told = str(error)
-            else:
-                # Blender prints the faults of handlers and of updates of properties, and goes on.
-                undo()
-                bpy.context.view_layer.update()
-                before = file_state()
-                continue
-        after = file_state()
-        if found := differences(before, after):
-            faults.append((code.co_name, told[-80:], found[:4]))
-            undo()
-            bpy.context.view_layer.update()
-            before = file_state()
-    return codes, faults
+def select(*names):
+    """Select objects, the last of them as the active one."""
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj.name in names)
+    bpy.context.view_layer.objects.active = bpy.data.objects[names[-1]]
 
 
-def test_setting_cycles_up(addon):
-    camera = bent_camera(addon)
-    scene = bpy.context.scene
-    scene.render.engine = "BLENDER_WORKBENCH"
-    marker = scene.timeline_markers.new("here", frame=3)
-    marker.camera = camera
-    rig_of = addon("cycles.rig_data").rig_of
-    off = addon("cycles.rig").switch_off
-
-    def undo():
-        for collection in list(addon("cycles.rig_data").rigs()):
-            off(collection)
-
-    codes, faults = check_every_step(bpy.ops.scfpf.cycles_rig, undo)
-    assert len(codes) > 30
-    assert faults == []
-    assert rig_of(scene) is None
-
-
-def test_the_nodes_preview(addon):
+def rigged(addon):
     bent_camera(addon)
-    data, preview = addon("scanline.preview.preview_data"), addon("scanline.preview.preview")
+    assert OPERATORS.cycles_rig() == {"FINISHED"}
+    bpy.data.objects["Camera"].scfpf.surfaces[1].object.location.x += 1.0
+    select("Camera")
 
-    def undo():
-        for source in list(data.previews()):
-            preview.switch_off(source)
 
-    codes, faults = check_every_step(bpy.ops.scfpf.preview_toggle, undo)
-    assert len(codes) > 20
-    assert faults == []
+def on_another_layer(addon):
+    """A preview of a view layer that is not the present one."""
+    bent_camera(addon)
+    scene = bpy.context.scene
+    scene.view_layers.new("Other")
+    assert OPERATORS.preview_toggle() == {"FINISHED"}
+    source = addon("scanline.preview.preview_data").previews()[0]
+    other = next(layer for layer in scene.view_layers if layer != bpy.context.view_layer)
+    addon("scanline.preview.preview")._put_into(source, other.name)
+
+
+def layered(addon):
+    camera, scene = bent_camera(addon), bpy.context.scene
+    select("Red")
+    assert OPERATORS.layer_add(camera="Camera") == {"FINISHED"}
+    camera.scfpf.layers[0].camera.location.x += 0.5
+    scene.render.resolution_x, scene.render.resolution_y = 12, 8
+    camera.scfpf.samples = scene.cycles.samples = 1
+    select("Camera")
+
+
+def engine_layered(addon):
+    layered(addon)
+    bpy.context.scene.render.engine = "SCFPF"
+
+
+def red(addon):
+    bent_camera(addon)
+    select("Red")
+
+
+def box(_addon):
+    box_scene(bpy.context.scene)
+
+
+def viewed(_addon):
+    turned_view(box_scene(bpy.context.scene), 8.0)
+
+
+def pinned(_addon):
+    box_scene(bpy.context.scene)
+    assert OPERATORS.aim_pin_add(camera="Camera", point=(1, 0, 1)) == {"FINISHED"}
+
+
+def ordinary(_addon):
+    box_scene(bpy.context.scene)
+    select("Camera")
+
+
+def bent(addon):
+    bent_camera(addon)
+    select("Red", "Camera")
+
+
+def two(addon):
+    bent_camera(addon)
+    select("Camera")
+    assert OPERATORS.camera_duplicate() == {"FINISHED"}
+    bpy.context.object.location.x += 1.0
+    select("Camera", "Camera.001")
+
+
+def blended(addon):
+    """A blend, one of whose cameras has moved, and another flexible camera."""
+    two(addon)
+    assert OPERATORS.camera_blend() == {"FINISHED"}
+    bpy.context.object.name = "Blend"
+    select("Camera.001")
+    assert OPERATORS.camera_duplicate() == {"FINISHED"}
+    bpy.data.objects["Camera"].location.z += 0.5
+    select("Camera.002", "Blend")
+
+
+def blend_of_three(addon):
+    blended(addon)
+    assert OPERATORS.blend_camera_add() == {"FINISHED"}
+
+
+def keyed_blend(addon):
+    blended(addon)
+    blend = bpy.data.objects["Blend"]
+    settings = addon("bridge.blends.blend_ends").ends_of(blend)[0].settings
+    settings.kind = "LINEAR"
+    for frame, angle in ((1, 0.0), (3, 1.0)):
+        settings.angle = angle
+        blend.keyframe_insert(settings.path_from_id("angle"), frame=frame)
+
+
+def screen(_addon):
+    bpy.ops.mesh.primitive_plane_add(location=(0, 4, 0), rotation=(math.pi / 2, 0, 0))
+    bpy.ops.mesh.primitive_cube_add(location=(0, 9, 0))
+    bpy.ops.object.empty_add()
+    select("Empty", "Plane")
+
+
+RIG, SKIPPING, FLEXIBLE = "cycles.rig_data", "cycles.skipping", "bridge.camera.flexible_camera"
+BLEND, KEPT = "bridge.blends.camera_blend", "bridge.aim.kept_volume"
+LAYERS = "cycles.layers"
+# By name: the scene, the action, and the functions in which it fails, in the order of their calls.
+CASES = {
+    "Update Chords": (
+        rigged,
+        OPERATORS.cycles_rig_update,
+        f"{RIG}.update_nodes {RIG}.renew_materials {SKIPPING}.skip_chords.faces_that_skip "
+        f"{RIG}.write_sheets {RIG}._fill cycles.rig._note cycles.disturbed_materials.raycasting",
+    ),
+    "passes": (
+        rigged,
+        OPERATORS.cycles_passes,
+        f"cycles.aov_passes.add cycles.aov_passes._group {RIG}.update_nodes",
+    ),
+    "another layer's preview": (
+        on_another_layer,
+        OPERATORS.preview_toggle,
+        "scanline.preview.preview._put_into scanline.preview.preview_data.hide_in_layers "
+        "operators.camera.preview.SCFPF_OT_preview_toggle._cautions",
+    ),
+    "Add Layer": (
+        red,
+        lambda: OPERATORS.layer_add(camera="Camera"),
+        "bridge.layers.layer_edits._new_eye bridge.layers.layer_colors.color_layers",
+    ),
+    "layers, button": (
+        layered,
+        lambda: OPERATORS.render(camera="Camera"),
+        "bridge.layers.read_image_layers.read_image_layers bridge.scene.read_scene.read_scene "
+        "bridge.render.render_job.start shading.frame.render_frame "
+        "bridge.render.result_image.show_progress",
+    ),
+    "layers, F12": (
+        engine_layered,
+        bpy.ops.render.render,
+        "bridge.layers.read_image_layers.read_image_layers bridge.scene.read_scene.read_scene "
+        "shading.frame.render_frame",
+    ),
+    "layers, Cycles": (
+        layered,
+        lambda: OPERATORS.layers_render(camera="Camera"),
+        f"{LAYERS}.passing_scene._settle {LAYERS}.layer_views.read_views "
+        f"{LAYERS}.passing_scene.PassingScene.add_groups {LAYERS}.layer_eyes._rigged {RIG}.make_rig "
+        f"{SKIPPING}.refresh.write_skipping {LAYERS}.layer_eyes._place {LAYERS}.exr_passes.read_passes "
+        f"{LAYERS}.layer_eyes._copied {LAYERS}.shown_pixels.join_into",
+    ),
+    "Add View": (
+        box,
+        lambda: OPERATORS.aim_view_add(camera="Camera", object="Box"),
+        f"{FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible bridge.aim.new_targets.add_view "
+        "bridge.aim.new_targets._new_eye bridge.blender.scene_objects.link_beside",
+    ),
+    "Add Pin": (
+        box,
+        lambda: OPERATORS.aim_pin_add(camera="Camera", point=(1, 0, 1)),
+        f"{FLEXIBLE}.make_flexible bridge.aim.new_targets.add_pin bridge.aim.new_targets._new_target "
+        "bridge.blender.scene_objects.link_beside",
+    ),
+    "Solve": (
+        viewed,
+        lambda: OPERATORS.aim_solve(camera="Camera"),
+        f"bridge.aim.read_problem.read_inputs bridge.aim.verdict.require_better {KEPT}.volume_kept "
+        f"bridge.aim.aimed_volume.write_volume {FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible "
+        "bridge.aim.aimed_volume.note_solution bridge.aim.verdict.store_verdict "
+        "bridge.aim.verdict._summary",
+    ),
+    "Drag": (
+        pinned,
+        lambda: OPERATORS.aim_drag(shift=(0.02, 0.0)),
+        f"{KEPT}.volume_kept {FLEXIBLE}.replace_surfaces bridge.aim.aimed_volume.note_solution "
+        "bridge.aim.solution.Measures.of operators.aim.drag.SCFPF_OT_aim_drag._place "
+        "bridge.aim.verdict.require_better bridge.aim.verdict.store_verdict",
+    ),
+    "Blend Cameras": (
+        two,
+        OPERATORS.camera_blend,
+        f"{BLEND}.set_blend {FLEXIBLE}.replace_surfaces {BLEND}._add_shapes {FLEXIBLE}.make_flexible "
+        "bridge.camera.shown_lens.approximate_lens operators.common.tool.select_only "
+        "operators.camera.blend._done",
+    ),
+    "Blend with Preset": (
+        bent,
+        lambda: OPERATORS.camera_blend_preset(preset="orthographic"),
+        f"{BLEND}._add_shapes operators.camera.blend._done",
+    ),
+    "Update Blend": (
+        blended,
+        OPERATORS.blend_update,
+        f"{BLEND}._write_shapes {BLEND}.write_field bridge.camera.shown_lens.approximate_lens "
+        "projection.volume.folds.find_folds",
+    ),
+    "Add Camera to Blend": (
+        blended,
+        OPERATORS.blend_camera_add,
+        f"operators.camera.blend.updated {BLEND}._keep_whole {BLEND}.write_field "
+        "projection.volume.folds.find_folds",
+    ),
+    "Remove Camera from Blend": (
+        blend_of_three,
+        OPERATORS.blend_camera_remove,
+        f"operators.camera.blend.updated {BLEND}.write_field projection.volume.folds.find_folds",
+    ),
+    "Blend Map": (
+        blended,
+        lambda: OPERATORS.blend_map(kind="LINEAR"),
+        f"operators.camera.blend.updated {FLEXIBLE}.replace_surfaces {BLEND}._add_shapes "
+        "projection.volume.folds.find_folds",
+    ),
+    "Bake Map": (
+        keyed_blend,
+        lambda: OPERATORS.blend_map_bake(start=1, end=3),
+        f"{BLEND}.write_field bridge.blends.blend_bake.bake_map {BLEND}.read_fields "
+        "bridge.blends.blend_bake.kept_frames bridge.blends.blend_bake.hat",
+    ),
+    "Camera from Screen": (
+        screen,
+        OPERATORS.camera_from_screen,
+        "bridge.camera.screen_camera.look_at bridge.camera.screen_camera.volume_from_screen "
+        f"bridge.camera.screen_camera._screen_group {FLEXIBLE}.make_flexible "
+        "bridge.camera.shown_lens.approximate_lens operators.common.tool.show_in_local_view",
+    ),
+    "Add Flexible Camera": (
+        screen,
+        lambda: OPERATORS.camera_add(preset="orthographic"),
+        f"{FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible operators.common.tool.show_in_local_view",
+    ),
+    "Flexible Camera from This Camera": (
+        ordinary,
+        OPERATORS.camera_from_camera,
+        f"{FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible",
+    ),
+    "Duplicate": (bent, OPERATORS.camera_duplicate, "bridge.camera.volume_edits.make_single_user"),
+    "Apply Preset": (
+        bent,
+        lambda: OPERATORS.preset_apply(preset="angular_fisheye"),
+        f"{FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible bridge.camera.shown_lens.approximate_lens",
+    ),
+    "Set Up Cycles": (
+        bent,
+        OPERATORS.cycles_rig,
+        f"{RIG}.make_rig {RIG}._new_portals cycles.rig_cameras.place_camera {RIG}.update_nodes "
+        f"{RIG}._take_over {RIG}._fill cycles.hidden_surfaces.hide_surfaces cycles.rig._look_through "
+        f"{SKIPPING}.skip_chords.faces_that_skip cycles.rig._note cycles.cautions.cautions",
+    ),
+    "Nodes Preview": (
+        bent,
+        OPERATORS.preview_toggle,
+        "scanline.preview.preview_data.make_preview "
+        "scanline.preview.preview_data.add_parts scanline.preview.preview_data.hide_in_layers "
+        "operators.camera.preview.SCFPF_OT_preview_toggle._cautions",
+    ),
+}
+
+
+def function_of(addon, path):
+    """A function by its path in the extension, through classes."""
+    parts = path.split(".")
+    for count in range(len(parts) - 1, 0, -1):
+        try:
+            found = addon(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for name in parts[count:]:
+            found = getattr(found, name)
+        return found
+    raise AssertionError(path)
+
+
+def settled_state():
+    bpy.context.view_layer.update()
+    state = file_state()
+    state["images"] = [name for name in state["images"] if name not in RESULTS]
+    return state
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_fault_leaves_everything_as_it_was(addon, request, case):
+    if "review" in case:
+        request.getfixturevalue("light_nodes")
+    setup, action, steps = CASES[case]
+    setup(addon)
+    keep_groups()  # building them at each step would take most of the time
+    before, traces = settled_state(), []
+    for step in steps.split():
+        with fault_in(function_of(addon, step)) as happened, pytest.raises(RuntimeError):
+            action()
+        assert happened, f"{case} does not call {step}"
+        if found := differences(before, settled_state()):
+            traces.append((step, [text[:200] for text in found[:6]]))
+            before = settled_state()
+    assert traces == []
+    assert action() == {"FINISHED"}
