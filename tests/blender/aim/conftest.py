@@ -1,27 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fixtures of the tests of Aim."""
 
-import math
 import os
 import sys
 
 import bpy
 import numpy as np
 import pytest
+from quick_solves import quicken
 
 sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "support"))
 
 
 @pytest.fixture(autouse=True)
 def quick_solves(addon, monkeypatch):
-    """One way of solving, judged by a small image: these tests are about Blender, not about the rounds."""
-    targets = addon("bridge.aim.solve_targets")
-    monkeypatch.setattr(targets, "COLUMNS", 64)
-    # A busy machine finds the same as an idle one.
-    monkeypatch.setattr(targets, "BUDGET", math.inf)
-    rounds = addon("casting.aim.rounds")
-    monkeypatch.setattr(rounds, "other_ways", lambda first: [])
-    monkeypatch.setattr(rounds, "MENDABLE", 0.0)
+    """See ``quicken``."""
+    quicken(addon, monkeypatch)
 
 
 @pytest.fixture

@@ -8,7 +8,9 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix
+from quick_solves import quicken
 from rig_scenes import (
+    bend_at_random,
     exact_passes,
     fill_volume,
     keep_groups,
@@ -92,12 +94,55 @@ def blended(addon, camera):
     return blend
 
 
-def polar(addon, camera):
-    bpy.data.batch_remove([obj for obj in bpy.context.scene.objects if obj.pass_index])
-    reference.preset(addon, camera, "angular_fisheye")
+def baked(addon, camera):
+    """A blend whose map has keyframes, in shapes that drivers mix."""
+    blend = blended(addon, camera)
+    settings = addon("bridge.blends.blend_ends").ends_of(blend)[0].settings
+    settings.kind, settings.border = "LINEAR", 0.8
+    for frame, angle in ((1, 0.0), (3, 1.5)):
+        settings.angle = angle
+        blend.keyframe_insert(settings.path_from_id("angle"), frame=frame)
+    assert bpy.ops.scfpf.blend_map_bake(start=1, end=3) == {"FINISHED"}
+    bpy.context.scene.frame_end = 3
+    bpy.context.scene.frame_set(2)
+    return blend
+
+
+def aimed(addon, camera):
+    """One of several things seen from farther to its left."""
+    camera.scfpf.aim.columns, camera.scfpf.aim.rows, camera.scfpf.aim.degree = 8, 6, 2
+    thing = next(obj for obj in bpy.context.scene.objects if obj.pass_index == 1)
+    assert bpy.ops.scfpf.aim_view_add(camera=camera.name, object=thing.name) == {"FINISHED"}
+    assert bpy.ops.scfpf.aim_turn(camera=camera.name, left=0.1) == {"FINISHED"}
     bpy.context.view_layer.update()
-    fill_volume(addon, camera)
+    assert bpy.ops.scfpf.aim_solve(camera=camera.name) == {"FINISHED"}
+    assert camera.scfpf.aim.is_solved
     return camera
+
+
+def refilled(addon, camera):
+    """The camera with objects in a volume that it did not have before."""
+    bpy.data.batch_remove([obj for obj in bpy.context.scene.objects if obj.pass_index])
+    bpy.context.view_layer.update()
+    fill_volume(addon, camera, 12)
+    return camera
+
+
+def polar(addon, camera):
+    reference.preset(addon, camera, "angular_fisheye")
+    return refilled(addon, camera)
+
+
+def random_of(volume, seed):
+    """A volume of another basis, bent at random."""
+
+    def bent(addon, camera):
+        make_volume(addon, camera, volume)
+        bend_at_random(camera, np.random.default_rng(seed))
+        return refilled(addon, camera)
+
+    bent.__name__ = f"random {volume}"
+    return bent
 
 
 def layered(addon, camera):
@@ -176,6 +221,9 @@ ORIGINS = {
         grid,
         uv_mesh,
         blended,
+        baked,
+        aimed,
+        *(random_of(*each) for each in (("polyline", 1), ("B-spline", 2), ("NURBS", 3), ("grids", 4))),
         polar,
         layered,
         hidden,
@@ -192,11 +240,14 @@ ORIGINS = {
 def test_the_rig_shows_what_the_exact_caster_sees(addon, camera, tmp_path, monkeypatch, origin):
     if origin == "too_few_chords":
         monkeypatch.setattr(addon("cycles.chords.chord_plan"), "MOST_CHORDS", 24)
+    if origin == "aimed":
+        quicken(addon, monkeypatch)
     camera = ORIGINS[origin](addon, camera)
     bpy.context.scene.camera = camera
     bpy.context.view_layer.update()
     expected = exact_passes(addon, camera)["OBJECT_INDEX"][..., 0].astype(int)
     assert switch(camera) == {"FINISHED"}
+    keep_groups()  # building them takes half of the time
     settings = addon("cycles.rig_data").rig_of(bpy.context.scene).scfpf_rig
     found = render_passes(tmp_path / "passes")["Object Index"]
     wrong = (found != expected) & ~(reference.near_edges(expected) | reference.near_edges(found))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rig_scenes import (
     VOLUMES,
+    bend_at_random,
     fill_volume,
     make_volume,
     project,
@@ -54,12 +55,8 @@ def random_volume(addon, generator):
     start_anew()
     camera = new_camera()
     make_volume(addon, camera, generator.choice([*VOLUMES, *PRESETS]))
-    for slot in list(camera.scfpf.surfaces)[1:]:
-        size = np.linalg.norm(np.array(slot.object.location)) + 0.1
-        slot.object.location = np.array(slot.object.location) + generator.normal(size=3) * 0.04 * size
-        slot.object.rotation_euler.z += generator.normal() * 0.1
     camera.scfpf.pixel_error = 0.5
-    bpy.context.view_layer.update()
+    bend_at_random(camera, generator)
     return camera
 
 

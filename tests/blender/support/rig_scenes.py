@@ -79,6 +79,15 @@ def make_volume(addon, camera, name):
         slot.weight = 1.0 + 2.0 * (number % 2)
 
 
+def bend_at_random(camera, generator):
+    """Move and turn the surfaces of a camera a little, but for the near one."""
+    for slot in list(camera.scfpf.surfaces)[1:]:
+        size = np.linalg.norm(np.array(slot.object.location)) + 0.1
+        slot.object.location = np.array(slot.object.location) + generator.normal(size=3) * 0.04 * size
+        slot.object.rotation_euler.z += generator.normal() * 0.1
+    bpy.context.view_layer.update()
+
+
 def project(addon, camera):
     """The camera's projection as it is, world space."""
     render = bpy.context.scene.render

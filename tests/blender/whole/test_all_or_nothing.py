@@ -11,6 +11,7 @@ import sys
 import bpy
 import pytest
 from file_state import differences, fault_in, file_state
+from quick_solves import quicken
 from rig_scenes import bent_camera, keep_groups, start_anew
 
 sys.path.append(os.path.join(os.path.dirname(__file__), "..", "aim", "support"))
@@ -32,12 +33,9 @@ def empty_file(extension):
 
 @pytest.fixture(autouse=True)
 def quick_solves(addon, monkeypatch):
-    """One way of solving, judged by a small image."""
-    targets, rounds = addon("bridge.aim.solve_targets"), addon("casting.aim.rounds")
-    monkeypatch.setattr(targets, "COLUMNS", 32)
-    monkeypatch.setattr(targets, "BUDGET", math.inf)
-    monkeypatch.setattr(rounds, "other_ways", lambda first: [])
-    monkeypatch.setattr(rounds, "MENDABLE", 0.0)
+    """See ``quicken``; and each problem is solved once."""
+    quicken(addon, monkeypatch, columns=32)
+    targets = addon("bridge.aim.solve_targets")
     solve, found = targets.solution_of, []
 
     def once(inputs, progress):
