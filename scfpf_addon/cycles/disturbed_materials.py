@@ -42,6 +42,12 @@ def measuring_wires(rig) -> str:
     return _first(rig, lambda node: node.bl_idname == "ShaderNodeWireframe" and node.use_pixel_size)
 
 
+def reading_images(rig) -> str:
+    """The name of what shows an image; empty if the rig's scene has none."""
+    kinds = "ShaderNodeTexImage", "ShaderNodeTexEnvironment"
+    return _first(rig, lambda node: node.bl_idname in kinds and node.image is not None)
+
+
 def _asks_camera(node) -> bool:
     if node.bl_idname == "ShaderNodeVectorTransform":
         return "CAMERA" in (node.convert_from, node.convert_to) and node.outputs[0].is_linked

@@ -15,14 +15,26 @@ def cautions(settings) -> list[str]:
     """The cautions about a rig's settings, for the panel."""
     if is_flat(settings):
         return [FLAT]
-    if settings.wires and settings.spread > MOST_SPREAD:
-        return [
+    if settings.spread <= MOST_SPREAD:
+        return []
+    found = []
+    if settings.wires:
+        found.append(
             Message(
                 "The wires of '{0}' have wrong widths, as pixels differ much in size: switch off Pixel Size",
                 settings.wires,
             )
-        ]
-    return []
+        )
+    # Blender has it from 5.2 on.
+    if settings.levels and getattr(settings.scene.render, "use_texture_cache", False):
+        found.append(
+            Message(
+                "Images as of '{0}' are too soft or too sharp, as pixels differ much in size: switch off "
+                "Texture Cache in Performance",
+                settings.levels,
+            )
+        )
+    return found
 
 
 def is_flat(settings) -> bool:

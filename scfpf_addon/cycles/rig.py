@@ -364,6 +364,7 @@ def _note_materials(rig) -> None:
         "raycast": disturbed_materials.raycasting(rig),
         "asks_camera": disturbed_materials.asking_camera(rig),
         "wires": disturbed_materials.measuring_wires(rig),
+        "levels": disturbed_materials.reading_images(rig),
         "strokes": seen_data.strokes(rig.scfpf_rig.scene),
     }
     _note_values(rig.scfpf_rig, **found)

@@ -100,6 +100,7 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         "A material, lamp or world that depends on the camera or the ray, and gets those of the rig",
     )
     wires: text("Wires", "A material whose Wireframe node measures in pixels")
+    levels: text("Levels", "A material, lamp or world with an image, of which a texture cache has levels")
     strokes: text("Strokes", "A Grease Pencil object, which renders through the rig do not show")
     sheet_vertices: tracked(
         IntProperty, "Vertices of a Sheet", "The vertices of a sheet that skips no chord", default=4, min=4

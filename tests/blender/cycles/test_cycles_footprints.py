@@ -2,6 +2,7 @@
 """Sizes that Cycles measures in pixels, through the rig: bump, texture levels, wires and subdivision."""
 
 import math
+import os
 
 import bpy
 import numpy as np
@@ -179,18 +180,21 @@ def test_relief_of_a_bent_volume_is_the_engine_s(addon, tmp_path):
     compare(shot(tmp_path / "ours.exr", samples=48), theirs)
 
 
-@pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Blender has no texture cache")
-def test_levels_of_the_texture_cache_are_as_through_an_ordinary_camera(addon, tmp_path):
-    """Files that Blender has made itself: a fine check, whose coarse levels are grey."""
-    scene = bpy.context.scene
-    scene.render.use_texture_cache = scene.render.use_auto_generate_texture_cache = True
-    rows, columns = np.mgrid[:1024, :1024]
-    check = np.ones((1024, 1024, 4), np.float32)
-    check[..., :3] = ((rows // 32 + columns // 32) % 2)[..., None]
-    made = bpy.data.images.new("Check", 1024, 1024)
-    made.pixels.foreach_set(check.ravel())
-    made.filepath_raw, made.file_format = str(tmp_path / "check.png"), "PNG"
+def write_png(path, values):
+    """A grey image of values (1024, 1024)."""
+    pixels = np.ones((1024, 1024, 4), np.float32)
+    pixels[..., :3] = values[..., None]
+    made = bpy.data.images.new("Made", 1024, 1024)
+    made.pixels.foreach_set(pixels.ravel())
+    made.filepath_raw, made.file_format = str(path), "PNG"
     made.save()
+    bpy.data.images.remove(made)
+
+
+def checked(tmp_path, side):
+    """A glowing material with a check of an image, whose squares have a side in its pixels; and its node."""
+    rows, columns = np.mgrid[:1024, :1024]
+    write_png(tmp_path / "check.png", (rows // side + columns // side) % 2)
     material, tree = new_material("Check")
     tree.nodes.clear()
     texture, glow, output = (
@@ -199,6 +203,15 @@ def test_levels_of_the_texture_cache_are_as_through_an_ordinary_camera(addon, tm
     texture.image = bpy.data.images.load(str(tmp_path / "check.png"))
     tree.links.new(texture.outputs[0], glow.inputs[0])
     tree.links.new(glow.outputs[0], output.inputs["Surface"])
+    return material, texture
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Blender has no texture cache")
+def test_levels_of_the_texture_cache_are_as_through_an_ordinary_camera(addon, tmp_path):
+    """A fine check, whose coarse levels are grey: in files that Blender makes, then in ready-made ones."""
+    scene = bpy.context.scene
+    scene.render.use_texture_cache = scene.render.use_auto_generate_texture_cache = True
+    material, texture = checked(tmp_path, 32)
     for across, depth, size in ((-0.7, 3.0, 0.5), (0.9, 6.0, 1.0), (0.0, 40.0, 9.0)):
         add_wall(material, (across, depth, 0), size, cells=6)
     camera = add_camera(200, 1.0)
@@ -206,6 +219,37 @@ def test_levels_of_the_texture_cache_are_as_through_an_ordinary_camera(addon, tm
     make_own(addon, camera)
     compare(shot(tmp_path / "ours.exr"), theirs)
     assert list(tmp_path.rglob("*.tx")), "Blender has made no levels"
+    # Only the files with levels still have the check.
+    written = (tmp_path / "check.png").stat().st_mtime
+    write_png(tmp_path / "check.png", np.zeros((1024, 1024)))
+    os.utime(tmp_path / "check.png", (written, written))
+    texture.image.reload()
+    scene.render.use_auto_generate_texture_cache = False
+    compare(shot(tmp_path / "ours.exr"), theirs)
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Blender has no texture cache")
+def test_levels_are_named_where_pixels_differ_in_size(addon, tmp_path):
+    """Beside a panorama of Cycles' own, whose levels are others."""
+    scene = bpy.context.scene
+    scene.render.use_texture_cache = scene.render.use_auto_generate_texture_cache = True
+    material, _ = checked(tmp_path, 16)
+    bpy.ops.mesh.primitive_cube_add(size=8)
+    bpy.context.object.data.materials.append(material)
+    camera = reference.add_camera(96, 48)
+    camera.data.type, camera.data.panorama_type = "PANO", "EQUIRECTANGULAR"
+    theirs = shot(tmp_path / "theirs.exr")
+    camera.data.type = "PERSP"
+    make_volume(addon, camera, "equirectangular")
+    bpy.context.view_layer.update()
+    assert switch(camera) == {"FINISHED"}
+    ours = shot(tmp_path / "ours.exr")
+    assert math.sqrt(((ours - theirs) ** 2).mean()) > 3 * ROOT_MEAN_SQUARE
+    settings = addon("cycles.rig_data").rig_of(scene).scfpf_rig
+    (caution,) = addon("cycles.footprints").cautions(settings)
+    assert "'Check'" in caution and "Texture Cache" in caution
+    scene.render.use_texture_cache = False
+    assert addon("cycles.footprints").cautions(settings) == []
 
 
 def test_wires_in_pixels_are_as_wide_as_through_an_ordinary_camera(addon, tmp_path):
