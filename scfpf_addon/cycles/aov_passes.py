@@ -70,14 +70,14 @@ def add(scene) -> None:
     left = min((node.location.x for node in tree.nodes), default=0.0)
     below = min((node.location.y - node.height for node in tree.nodes), default=0.0) - 200.0
     source = tree.nodes.new("CompositorNodeRLayers")
+    source[MADE_KEY] = True
     source.scene = scene
     source.name = source.label = LAYER
     node = tree.nodes.new("CompositorNodeGroup")
+    node[MADE_KEY] = True
     node.node_tree = _group()
     node.name = node.label = GROUP
     source.location, node.location = (left, below), (left + 400.0, below)
-    for made in (source, node):
-        made[MADE_KEY] = True
     # The render layers' sockets follow the view layer's passes.
     for name in (POSITION, *AOVS):
         tree.links.new(source.outputs[name], node.inputs[name])

@@ -33,6 +33,9 @@ def file_state():
         for label, owner in (("", scene), (".render", scene.render), (".cycles", scene.cycles)):
             found[f"{scene.name}{label}"] = values_of(owner)
         found[f"{scene.name} markers"] = [(m.name, m.frame, _name(m.camera)) for m in scene.timeline_markers]
+        is_old = bpy.app.version < (5, 0, 0)
+        tree = scene.node_tree if is_old else scene.compositing_node_group
+        found[f"{scene.name} compositor"] = sorted(node.name for node in tree.nodes) if tree else None
         for layer in scene.view_layers:
             found[f"{scene.name} {layer.name}"] = (values_of(layer), _layers(layer.layer_collection))
             selected = sorted(obj.name_full for obj in layer.objects if obj.select_get(view_layer=layer))
@@ -47,7 +50,7 @@ def file_state():
         drivers = obj.animation_data.drivers if obj.animation_data else ()
         found[f"object {obj.name_full}"] = {
             "data": _name(obj.data),
-            "keys": sorted(key for key in obj.keys() if key != "scfpf"),
+            "keys": sorted(key for key in obj.keys() if key not in obj.bl_rna.properties),
             "drivers": sorted((curve.data_path, curve.array_index) for curve in drivers),
             "modifiers": [(m.name, m.type) for m in obj.modifiers],
             "values": values_of(obj),

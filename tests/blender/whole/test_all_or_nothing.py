@@ -60,6 +60,13 @@ def rigged(addon):
     select("Camera")
 
 
+def composited(addon):
+    rigged(addon)
+    if bpy.app.version < (5, 0, 0):
+        # A scene keeps its tree from then on, whoever has made it.
+        bpy.context.scene.use_nodes = True
+
+
 def on_another_layer(addon):
     """A preview of a view layer that is not the present one."""
     bent_camera(addon)
@@ -167,7 +174,7 @@ CASES = {
         f"{RIG}.write_sheets {RIG}._fill cycles.rig._note cycles.disturbed_materials.raycasting",
     ),
     "passes": (
-        rigged,
+        composited,
         OPERATORS.cycles_passes,
         f"cycles.aov_passes.add cycles.aov_passes._group {RIG}.update_nodes",
     ),
