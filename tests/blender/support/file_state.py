@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-# Statistics, and what Blender itself changes when anything is evaluated.
-VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "statistics"}
+# Statistics, counts of edits, and what Blender itself changes when anything is evaluated.
+VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "statistics", "scfpf_edits"}
 SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
