@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..bridge.blender.rig_mark import has_other_animation, is_rig_part
+from ..bridge.blender.scene_objects import originals
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.scene.mesh_arrays import foreach, of_mesh
 from ..bridge.scene.read_visibility import rendered_objects
@@ -97,9 +98,10 @@ def may_change_smoke(depsgraph, shows_others: bool) -> bool:
 
     shows_others: whether the update brings other geometry or materials into sight.
     """
-    updated = (each.id.original for each in depsgraph.updates if each.id.id_type == "OBJECT")
     is_due = shows_others or depsgraph.id_type_updated("ACTION")
-    is_due = is_due or any(has_other_animation(obj) or len(obj.constraints) or obj.parent for obj in updated)
+    if not is_due:
+        updated = originals(each.id for each in depsgraph.updates if each.id.id_type == "OBJECT")
+        is_due = any(has_other_animation(obj) or len(obj.constraints) or obj.parent for obj in updated)
     return is_due and _may_have_smoke()
 
 

@@ -150,7 +150,7 @@ def _scene_has_changed(depsgraph) -> bool:
     return any(
         isinstance(update.id, bpy.types.Object)
         and update.id.type not in {"CAMERA", "EMPTY", "LIGHT"}
-        and update.id.original.name_full not in own
+        and update.id.name_full not in own
         and (update.is_updated_geometry or update.is_updated_transform)
         for update in depsgraph.updates
     )

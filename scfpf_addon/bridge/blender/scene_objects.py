@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 
 from ...projection.template_error import Message
@@ -20,6 +22,23 @@ def link_beside(new, obj) -> None:
     """Link a new object to the collections of another one, or to the context's scene if none can change."""
     for collection in editable_collections(obj) or [bpy.context.scene.collection]:
         collection.objects.link(new)
+
+
+def originals(evaluated: Iterable) -> list:
+    """The originals of evaluated datablocks of a depsgraph's updates, without those that are gone.
+
+    A handler may have removed one since, or undo; its evaluated copy still points to it. So originals are
+    looked up by name. Datablocks within others, such as the nodes of a material, are left out.
+    """
+    wanted = {(each.id_type, each.name, each.library) for each in evaluated}
+    kinds = {kind for kind, _, _ in wanted}
+    found = []
+    for name in dir(bpy.data) if wanted else ():
+        members = getattr(bpy.data, name)
+        first = next(iter(members), None) if isinstance(members, bpy.types.bpy_prop_collection) else None
+        if isinstance(first, bpy.types.ID) and first.id_type in kinds:
+            found += [each for each in members if (each.id_type, each.name, each.library) in wanted]
+    return found
 
 
 def delete_with_data(obj) -> None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import bpy
 
 from ...bridge.blender.rig_mark import has_other_animation, is_rig_part
+from ...bridge.blender.scene_objects import originals
 from ..hidden_surfaces import hidden_from_rigs
 from .reasons import (
     material_obstacle,
@@ -66,7 +67,7 @@ def is_as(rig, known: SceneState, depsgraph) -> bool:
     if any(depsgraph.id_type_updated(kind) for kind in OF_MATERIALS) and material_obstacle(rig):
         return False
     hidden = hidden_from_rigs()
-    return all(_is_one_as(found.original, known, hidden) for found in updates)
+    return all(_is_one_as(found, known, hidden) for found in originals(updates))
 
 
 def _is_one_as(found, known: SceneState, hidden: set) -> bool:
@@ -145,12 +146,10 @@ def shape_edits(depsgraph, expected: frozenset[int]) -> bool:
     expected: session ids of objects whose shapes may change.
     """
     hidden = hidden_from_rigs()
-    for update in depsgraph.updates:
-        if not update.is_updated_geometry or not isinstance(update.id, bpy.types.Object):
-            continue
-        obj = update.id.original
-        if obj.type == "CAMERA" or obj in hidden or is_rig_part(obj):
-            continue
-        if obj.session_uid not in expected:
-            return True
-    return False
+    edited = (each for each in depsgraph.updates if each.is_updated_geometry)
+    objects = originals(each.id for each in edited if each.id.id_type == "OBJECT")
+    return any(
+        obj.session_uid not in expected
+        for obj in objects
+        if obj.type != "CAMERA" and obj not in hidden and not is_rig_part(obj)
+    )
