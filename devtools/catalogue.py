@@ -92,14 +92,14 @@ def written() -> Iterator[str]:
 
 @cache
 def raised() -> tuple[str, ...]:
-    """The texts of messages, and those of errors that are derived from TemplateError."""
+    """The texts of messages, and those of errors that are derived from UserError."""
     return tuple(_raised())
 
 
 def _raised() -> Iterator[str]:
     paths = sorted((ROOT / "scfpf_addon").rglob("*.py"))
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
-    kinds = {"Message", "TemplateError"}
+    kinds = {"Message", "UserError"}
     nodes = [list(ast.walk(tree)) for tree in trees]
     classes = [node for each in nodes for node in each if isinstance(node, ast.ClassDef)]
     bases = {node.name: set(map(ast.unparse, node.bases)) for node in classes}

@@ -11,9 +11,9 @@ from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, kno
 from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
-from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ..scfpf_addon.bridge.sync.handlers import sharers
+from ..scfpf_addon.projection.user_error import UserError
 from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
 from .mapping_stack import draw_stack
 from .render_button import draw_render, draw_report
@@ -43,7 +43,7 @@ def draw_fit(layout, scene, camera) -> None:
     """Draw a button if the volume was made for a resolution of another shape."""
     try:
         wanted = needs_fit(camera, image_aspect(scene))
-    except RenderError:
+    except UserError:
         return  # Rendering reports that the image is too large.
     if wanted:
         layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")

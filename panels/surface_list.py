@@ -4,13 +4,11 @@
 import bpy
 
 from ..operators.common.words import worded
-from ..scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
 from ..scfpf_addon.bridge.surfaces.surface_object import parameter_properties
-from ..scfpf_addon.projection.editing.volume_edits import EditingError
-from ..scfpf_addon.projection.template_error import Message
+from ..scfpf_addon.projection.user_error import Message, UserError
 from .base import draw_text
 
 # The width of a weight in the list, in the interface's units: six digits.
@@ -93,8 +91,9 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
     try:
         for label, owner, name in parameter_properties(slot.object):
             column.prop(owner, name, text=label)
-    except SurfaceError as error:
+    except UserError as error:
         draw_text(column, error, "ERROR")
+        return
     if is_scaled(slot.object):
         _draw_world_sizes(layout.column(align=True), context.scene, slot.object)
 
@@ -104,9 +103,7 @@ def _draw_world_sizes(layout, scene, surface) -> None:
     units = scene.unit_settings
     try:
         sizes = world_sizes(surface)
-    except SurfaceError:
-        return  # The panel shows this error instead of the sizes.
-    except EditingError:
+    except UserError:
         factors = " × ".join(f"{factor:.4g}" for factor in whole_scale(surface))
         layout.label(text=worded("In the World: Scaled {0}", factors), icon="INFO")
     else:

@@ -6,11 +6,11 @@ from __future__ import annotations
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import active_object, camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
 from ..common.words import say
@@ -54,28 +54,28 @@ def aimed_camera(context):
 
 
 def chosen(collection, name: str, what: str):
-    """The member of ``bpy.data``'s collection with a name, None for an empty name. Raises AimError."""
+    """The member of ``bpy.data``'s collection with a name, None for an empty name. Raises UserError."""
     if not name:
         return None
     found = collection.get(name)
     if found is None:
-        raise AimError(say("There is no {0} '{1}': choose another one", what, name))
+        raise UserError(say("There is no {0} '{1}': choose another one", what, name))
     return found
 
 
 def target_at(camera, index: int):
-    """A camera's target and its place. index: -1 for the active one. Raises AimError."""
+    """A camera's target and its place. index: -1 for the active one. Raises UserError."""
     targets = camera.scfpf.aim_targets
     index = camera.scfpf.active_aim if index < 0 else index
     if index >= len(targets):
-        raise AimError(
+        raise UserError(
             say("'{0}' has no target at place {1}: add one with Add View or Add Pin", camera.name, index + 1)
         )
     return targets[index], index
 
 
 def own_projection(context, camera):
-    """The projection of a camera in world space, as the scene's image has it. Raises one of BAD_INPUT."""
+    """The projection of a camera in world space, as the scene's image has it. Raises USER_ERRORS."""
     return read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
 
 
@@ -90,16 +90,16 @@ class AimAction(Action):
             return self.edit(context, self.prepared(context, kept))
 
     def prepared(self, context, kept: Kept | None = None):
-        """The camera to work on, flexible if that is needed. Raises one of BAD_INPUT.
+        """The camera to work on, flexible if that is needed. Raises USER_ERRORS.
 
         kept: takes the settings of the camera before anything is changed.
         """
         named = chosen(bpy.data.objects, self.camera, "object")
         camera = named or aimed_camera(context)
         if camera is None or camera.type != "CAMERA":
-            raise AimError("There is no camera to aim: select one")
+            raise UserError("There is no camera to aim: select one")
         if not camera.is_editable:
-            raise AimError(
+            raise UserError(
                 say("'{0}' is linked from another file: make a library override of it first", camera.name)
             )
         take_up_edits(context)

@@ -10,16 +10,17 @@ from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 from ...scfpf_addon.bridge.aim.drag import AimDrag
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
 from ...scfpf_addon.bridge.aim.solve_work import run_through
-from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
+from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
 from ..common import running
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
 from ..common.unstored_edits import note_edit
@@ -77,7 +78,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
                 self._place()
                 message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
                 kept.pop_all()
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         self.tell(object_by_uid(self._camera), message)
         return {"FINISHED"}
@@ -97,7 +98,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
             # Live Aim would take a second step at each event.
             self._is_live, camera.scfpf.aim.live = camera.scfpf.aim.live, False
             image = image or ShownImage(camera, Rectangle(0.0, 0.0, *map(float, image_size(context.scene))))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         self._size = image.rectangle.width, image.rectangle.height
         own = [shown for shown in shown_targets(context, image) if shown.index == self.index]
@@ -163,19 +164,19 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         self._place()
         try:
             self._volume.step(context.evaluated_depsgraph_get())
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             self.cancel(context)
             return refused(self, error)
         self._say(context)
         return {"RUNNING_MODAL"}
 
     def _choose(self, camera) -> None:
-        """Make the target active, and keep where it is. Raises AimError if it has no place in the image."""
+        """Make the target active, and keep where it is. Raises UserError if it has no place in the image."""
         settings = camera.scfpf
         index = self.index if self.index >= 0 else settings.active_aim
         kinds = [target.kind for target in settings.aim_targets]
         if index >= len(kinds) or kinds[index] not in (VIEW, PIN):
-            raise AimError(say(NO_PLACE, camera.name, index + 1))
+            raise UserError(say(NO_PLACE, camera.name, index + 1))
         self.index, self._camera = index, camera.session_uid
         settings.active_aim = index
         target = self._target()

@@ -5,9 +5,10 @@ import bpy
 
 from ...scfpf_addon.bridge.aim.shown_targets import shown_image
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.render_viewport import free_view
 from ...scfpf_addon.shading.picking.pick import pick
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.unstored_edits import note_edit
 from ..image.image_click import ImageClick
@@ -65,7 +66,7 @@ class SCFPF_OT_aim_pin_click(ImageClick, bpy.types.Operator):
             scene = prepared_inputs(context, camera).scene
             view = free_view(context.evaluated_depsgraph_get(), area.spaces.active.region_3d, scene, size)
             found = pick(view.projection, scene, across / size[0], up / size[1], (1 / size[0], 1 / size[1]))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             refused(self, error)
             return None
         if found is None or found.t is None:

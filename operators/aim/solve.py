@@ -12,11 +12,12 @@ from ...scfpf_addon.bridge.aim import new_targets
 from ...scfpf_addon.bridge.aim.drag import make_followable
 from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
-from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
+from ...scfpf_addon.projection.user_error import UserError
 from ..common import running
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.words import say
 from .aim_camera import AimAction, camera_name, target_at, target_index
 from .watched import Watched, in_window
@@ -49,7 +50,7 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
     def edit(self, context, camera):
         target, _ = target_at(camera, self.index)
         if target.kind != "VIEW":
-            raise AimError(say("'{0}' is not a view: choose one", target.name))
+            raise UserError(say("'{0}' is not a view: choose one", target.name))
         left, up = target.free_turn if self.to_free else (self.left, self.up)
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
 
@@ -66,7 +67,7 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
     def prepared(self, context, kept=None):
         camera = super().prepared(context, kept)
         if not camera.scfpf.enabled:
-            raise AimError(
+            raise UserError(
                 say("Switch on Flexible Projection for '{0}' first", camera.name)
                 if len(camera.scfpf.aim_targets)
                 else say(
@@ -89,7 +90,7 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
         try:
             camera = self.prepared(context)
             outcome = self.begin(context, solving_animation(camera, context), camera)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         if outcome == {"RUNNING_MODAL"}:
             context.window_manager.modal_handler_add(self)

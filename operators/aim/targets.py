@@ -8,11 +8,11 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
-from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.scene_objects import link_beside, object_by_uid
 from ...scfpf_addon.bridge.blender.slot_animation import AIM_TARGETS, move_slot
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.projection.volume.inverse import find_in_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
@@ -42,10 +42,10 @@ def selected_things(context) -> list:
 
 
 def _thing(context):
-    """The collection and the object, one of them None, that the selection is. Raises AimError."""
+    """The collection and the object, one of them None, that the selection is. Raises UserError."""
     objects = selected_things(context)
     if not objects:
-        raise AimError("Select the objects that the view is to show")
+        raise UserError("Select the objects that the view is to show")
     if len(objects) == 1:
         return None, objects[0]
     return collection_of(context, objects), None
@@ -90,7 +90,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
         obj = chosen(bpy.data.objects, self.object, "object")
         eye = chosen(bpy.data.objects, self.eye, "object")
         if eye is not None and (eye.type not in {"CAMERA", "EMPTY"} or eye == camera):
-            raise AimError(say("'{0}' cannot be looked from: choose another camera or an empty", eye.name))
+            raise UserError(say("'{0}' cannot be looked from: choose another camera or an empty", eye.name))
         projection = own_projection(context, camera)
         if collection is None and obj is None:
             collection, obj = _thing(context)
@@ -104,10 +104,10 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
 
 
 def _viewport_eye(context, camera):
-    """A new camera with the viewport's view. Raises AimError."""
+    """A new camera with the viewport's view. Raises UserError."""
     found = camera_like_view(context, image_aspect(context.scene))
     if found is None:
-        raise AimError("There is no 3D viewport to look from: run this in one, or choose a camera")
+        raise UserError("There is no 3D viewport to look from: run this in one, or choose a camera")
     eye = bpy.data.objects.new("View", found[0])
     eye.matrix_world = found[1]
     link_beside(eye, camera)
@@ -157,20 +157,20 @@ class SCFPF_OT_aim_pin_add(AimAction, bpy.types.Operator):
 
 
 def _seen_point(context, camera, position):
-    """The point that the image shows at a position, and its object's name. Raises one of BAD_INPUT."""
+    """The point that the image shows at a position, and its object's name. Raises USER_ERRORS."""
     inputs = prepared_inputs(context, camera)
     size = 1 / inputs.settings.width, 1 / inputs.settings.height
     found = pick(inputs.projection, inputs.scene, *position, size)
     if found is None or found.t is None:
-        raise AimError("The picture shows nothing at that place: choose a point on an object")
+        raise UserError("The picture shows nothing at that place: choose a point on an object")
     return found.position, found.object_name
 
 
 def _place_of(projection, point):
-    """The position at which the image shows a point. Raises AimError."""
+    """The position at which the image shows a point. Raises UserError."""
     place = find_in_image(projection, point[:, None])
     if not place.found[0]:
-        raise AimError("The picture does not show that point: give its position in the picture too")
+        raise UserError("The picture does not show that point: give its position in the picture too")
     return float(place.x[0]), float(place.y[0])
 
 
@@ -190,7 +190,7 @@ class SCFPF_OT_aim_line_add(AimAction, bpy.types.Operator):
             handles = [target.handle for target in camera.scfpf.aim_targets]
             ends = [obj for obj in selected_objects(context) if obj in handles]
         if len(ends) != 2:
-            raise AimError("Select the handles of two pins")
+            raise UserError("Select the handles of two pins")
         new_targets.add_line(camera, *ends)
 
 

@@ -7,8 +7,9 @@ import bpy
 
 from ...scfpf_addon.bridge.aim.solve_work import Steps, WatchedSolve
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ..common import running
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.words import say
 from ..image.preparation import redraw_interface
 
@@ -30,7 +31,7 @@ class Watched:
         self._solved = camera.session_uid
         try:
             self._solve = WatchedSolve(steps)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         self._ticks = context.window_manager.event_timer_add(TICK, window=context.window)
         self._tell(context)
@@ -48,7 +49,7 @@ class Watched:
             if not self._solve.is_done():
                 self._tell(context)
                 return {"PASS_THROUGH"}
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             self._leave(context)
             return refused(self, error)
         except BaseException:

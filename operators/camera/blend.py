@@ -23,8 +23,8 @@ from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible
 from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_to_camera
 from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ...scfpf_addon.projection.editing.blending import BlendError, blended
-from ...scfpf_addon.projection.template_error import Message
+from ...scfpf_addon.projection.editing.blending import blended
+from ...scfpf_addon.projection.user_error import Message, UserError
 from ...scfpf_addon.projection.volume.folds import find_folds
 from ..common.target import flexible_camera_of, poll_flexible_camera, selected_objects
 from ..common.tool import Tool, select_only, wholly_made
@@ -35,7 +35,7 @@ from .presets import preset_choices, preset_items, shipped_preset
 def blend_camera(context, first, second, second_name: str, further=()):
     """A new flexible camera between a camera and a projection in world space, active and the scene camera.
 
-    further: cameras that the blend has besides. Raises an error of BAD_INPUT before anything is made.
+    further: cameras that the blend has besides. Raises USER_ERRORS before anything is made.
     """
     others = [second, *(_seen(context, end) for end in further)]
     own, blend = _blend(context, first, others, first)
@@ -56,7 +56,7 @@ def blend_camera(context, first, second, second_name: str, further=()):
 def _blend(context, first, others, camera):
     """The first camera's projection, and its blend with other projections, both in ``camera``'s space.
 
-    others: in world space. Raises ProjectionError or BlendError.
+    others: in world space. Raises UserError.
     """
     inward = world_to_camera(camera)
     own = _seen(context, first).transformed(inward)
@@ -65,7 +65,7 @@ def _blend(context, first, others, camera):
 
 
 def _seen(context, camera):
-    """A camera's projection in world space. Raises ProjectionError."""
+    """A camera's projection in world space. Raises UserError."""
     return read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
 
 
@@ -116,9 +116,9 @@ def _chosen(context) -> list:
 
 
 def _require_room(count: int) -> None:
-    """Raise BlendError if a blend cannot have so many cameras."""
+    """Raise UserError if a blend cannot have so many cameras."""
     if count > MOST_ENDS:
-        raise BlendError(say("A blend has at most {0} cameras: blend some of them first", MOST_ENDS))
+        raise UserError(say("A blend has at most {0} cameras: blend some of them first", MOST_ENDS))
 
 
 class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
@@ -216,7 +216,7 @@ class SCFPF_OT_blend_camera_remove(Tool, bpy.types.Operator):
 
 
 def updated(context, camera) -> str:
-    """Make a blend anew from its ends. Returns what there is to say; raises an error of BAD_INPUT."""
+    """Make a blend anew from its ends. Returns what there is to say; raises USER_ERRORS."""
     for end in ends_of(camera):
         _require_field(end)
     ends = camera.scfpf.blend_ends
@@ -227,7 +227,7 @@ def updated(context, camera) -> str:
         second, name = _seen(context, other), other.name
     else:
         if ends.preset not in (stem for stem, _name, _text in preset_items()):
-            raise BlendError(
+            raise UserError(
                 say("There is no preset '{0}': choose a camera at which the blend ends", ends.preset)
             )
         preset = shipped_preset(ends.preset)
@@ -245,28 +245,28 @@ def updated(context, camera) -> str:
 
 
 def _require_field(end) -> None:
-    """Raise BlendError if an end's map has nothing to be read from."""
+    """Raise UserError if an end's map has nothing to be read from."""
     settings = end.settings
     if settings.kind == "NONE" or read_field(end) is not None:
         return
     if settings.kind == "VIEWS":
         if end.camera is None:
-            raise BlendError("A preset has no views: choose a camera at which the blend ends, or another map")
-        raise BlendError(
+            raise UserError("A preset has no views: choose a camera at which the blend ends, or another map")
+        raise UserError(
             say("'{0}' has no views of Aim: press Add View, or choose another map", end.camera.name)
         )
     if settings.image is not None:
-        raise BlendError(say("The image '{0}' has no pixels: paint or load it", settings.image.name))
+        raise UserError(say("The image '{0}' has no pixels: paint or load it", settings.image.name))
 
 
 def flexible_end(context, camera, end):
-    """``end``, a flexible camera other than the blend itself that the scene has. Raises BlendError."""
+    """``end``, a flexible camera other than the blend itself that the scene has. Raises UserError."""
     if end is None:
-        raise BlendError("A further camera of the blend is gone: choose one in the list, or remove it there")
+        raise UserError("A further camera of the blend is gone: choose one in the list, or remove it there")
     if lost := absent_text(end, context.scene, Message("choose another camera")):
-        raise BlendError(lost)
+        raise UserError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
-        raise BlendError(say("'{0}' is not a flexible camera: choose another one", end.name))
+        raise UserError(say("'{0}' is not a flexible camera: choose another one", end.name))
     return end
 
 

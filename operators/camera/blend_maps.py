@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.blends.blend_bake import bake_map
 from ...scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
-from ...scfpf_addon.projection.editing.blending import BlendError
+from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ..common.target import flexible_camera_of
 from ..common.tool import Tool
@@ -33,11 +33,11 @@ def end_number():
 
 
 def _field_of(camera, number: int):
-    """The settings of the map of a blend's camera. Raises BlendError."""
+    """The settings of the map of a blend's camera. Raises UserError."""
     for end in ends_of(camera):
         if end.number == number:
             return end.settings
-    raise BlendError(say("The blend '{0}' has no camera {1}: choose another one", camera.name, number))
+    raise UserError(say("The blend '{0}' has no camera {1}: choose another one", camera.name, number))
 
 
 class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
@@ -127,17 +127,17 @@ class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
 
 
 def _seen_box(context, camera) -> tuple[float, float, float, float]:
-    """The borders of the selected objects in a camera's image. Raises an error of BAD_INPUT."""
+    """The borders of the selected objects in a camera's image. Raises USER_ERRORS."""
     names = {obj.name for obj in wanted_objects(context)}
     title = camera.name
     inputs = prepared_inputs(context, camera)
     points = points_of(inputs.scene, names)
     if not points.size:
-        raise BlendError("Renders show no faces of the selected objects: select others")
+        raise UserError("Renders show no faces of the selected objects: select others")
     pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
     found = find(inputs.projection, inputs.scene, points, names, pixel)
     if found is None:
-        raise BlendError(say("'{0}' does not see the selected objects: select others, or turn it", title))
+        raise UserError(say("'{0}' does not see the selected objects: select others, or turn it", title))
     return found.box
 
 

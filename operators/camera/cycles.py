@@ -4,12 +4,13 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common import running
-from ..common.errors import BAD_INPUT, failed, refused
+from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
 from ..common.unstored_edits import note_edit
@@ -37,7 +38,7 @@ class _Planned:
             camera = self.planned_camera(context)
             with all_or_nothing():
                 return self.finish(context, camera, None if camera is None else planned(context, camera))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         except Exception as error:
             return failed(self, error)
@@ -48,7 +49,7 @@ class _Planned:
             if camera is None or bpy.app.background or context.window is None:
                 return self.execute(context)
             self._planning = Planning(context, camera)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         except Exception as error:
             return failed(self, error)
@@ -76,7 +77,7 @@ class _Planned:
             # A modal operator's context lacks the camera of the button's panel.
             camera = self._planning.camera(context)
             outcome = self.finish(context, camera, self._planning.plan(context))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             self._planning.give_up()
             self._leave(context)
             return refused(self, error)

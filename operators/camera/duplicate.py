@@ -4,8 +4,8 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
-from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
+from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import selected_objects
 from ..common.tool import Tool, wholly_made
 from ..common.words import say
@@ -27,7 +27,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
-            raise FlexibleCameraError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
+            raise UserError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
         with wholly_made(context):
             self._duplicate(context, camera, originals)
 

@@ -8,8 +8,8 @@ one of Blender's and acts on the events that Blender's would act on.
 import bpy
 from bpy.props import StringProperty
 
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.live.seen_object import place_at, seen_object, shown_camera
-from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS
 from ..common.target import selected_objects
 from ..common.tool import select_only
 
@@ -84,7 +84,7 @@ class SCFPF_OT_live_select(bpy.types.Operator):
             return {"PASS_THROUGH"}
         try:
             found = seen_object(context, place)
-        except RENDER_ERRORS:
+        except USER_ERRORS:
             return {"PASS_THROUGH"}  # Live View shows no image of such a volume.
         if found is None and place.camera.scfpf.edit_volume:
             return {"PASS_THROUGH"}  # Control surfaces can be clicked.

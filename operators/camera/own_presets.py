@@ -74,7 +74,7 @@ class _SavesVolume(Tool):
         return self.ask(context, event)
 
     def preset(self, context, camera):
-        """The camera's volume as a preset. Raises an error of BAD_INPUT."""
+        """The camera's volume as a preset. Raises USER_ERRORS."""
         if not self.name.strip():
             raise PresetError("Give the preset a name")
         aspect = image_aspect(context.scene)

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
@@ -11,7 +12,7 @@ from ...scfpf_addon.scanline.preview.preview import moved, show, switch_off, swi
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common import running
-from ..common.errors import BAD_INPUT, failed, refused
+from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
 from ..common.unstored_edits import note_edit
@@ -118,7 +119,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             is_new = source is None
             with switched_on(context, camera) if is_new else moved(context, source) as source:
                 texts = self._cautions(context, camera, source)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         except Exception as error:
             return failed(self, error)
@@ -135,7 +136,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         found, depsgraph = [], context.evaluated_depsgraph_get()
         try:
             read_projection(camera, depsgraph, image_aspect(context.scene))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             # The preview stays and follows as soon as the volume is valid.
             found.append(told(error))
         else:

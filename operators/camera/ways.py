@@ -5,9 +5,9 @@ import bpy
 
 from ...scfpf_addon.bridge.blender.app_handlers import DrawHandler
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.live.live_drawing import SHADINGS
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
-from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS
 from ...scfpf_addon.cycles.engine_choice import renders_by_cycles
 from ...scfpf_addon.cycles.prices import compute
 from ...scfpf_addon.cycles.rig_data import CYCLES, rig_of
@@ -197,7 +197,7 @@ def price_text(context, camera) -> str:
         return "It is switched on"
     try:
         found = compute(camera, context.scene, context.evaluated_depsgraph_get())
-    except RENDER_ERRORS as error:
+    except USER_ERRORS as error:
         return str(error)
     if isinstance(found, str):
         return found

@@ -6,8 +6,8 @@ import bpy
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
-from ...scfpf_addon.bridge.render.render_errors import RenderError
 from ...scfpf_addon.bridge.sync.handlers import camera_objects
+from ...scfpf_addon.projection.user_error import UserError
 from .words import say
 
 NO_CAMERA = (
@@ -175,24 +175,24 @@ def render_camera(context):
 
 
 def chosen_camera(context, name: str):
-    """The flexible camera called ``name``, or ``render_camera`` if the name is empty. Raises RenderError."""
+    """The flexible camera called ``name``, or ``render_camera`` if the name is empty. Raises UserError."""
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
         if name:
-            raise RenderError(say('There is no object "{0}" to look through: choose a flexible camera', name))
-        raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
+            raise UserError(say('There is no object "{0}" to look through: choose a flexible camera', name))
+        raise UserError(missing_text(context.scene.camera) or NO_CAMERA)
     if camera.type != "CAMERA" or not camera.scfpf.enabled:
-        raise RenderError(
+        raise UserError(
             say("{0} is not a flexible camera: switch on Flexible Projection for it", camera.name)
         )
     return camera
 
 
 def editable_camera(context, name: str):
-    """``chosen_camera`` if it is editable, so that results can be stored on it. Raises RenderError."""
+    """``chosen_camera`` if it is editable, so that results can be stored on it. Raises UserError."""
     camera = chosen_camera(context, name)
     if not camera.is_editable:
-        raise RenderError(say("{0} is linked from another file: make a library override of it", camera.name))
+        raise UserError(say("{0} is linked from another file: make a library override of it", camera.name))
     return camera
 
 

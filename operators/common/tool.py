@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from bpy.app.translations import pgettext_rpt
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
-from .errors import BAD_INPUT, refused
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
+from .errors import refused
 from .target import flexible_camera_of, poll_flexible_camera, selected_objects
 from .unstored_edits import note_edit
 
@@ -29,7 +30,7 @@ class Action:
         note_edit()
         try:
             message = self.act(context)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         if message:
             self.report({"INFO"}, pgettext_rpt(message))

@@ -8,8 +8,8 @@ off and keep that of labels, or the other way round.
 
 from bpy.app.translations import pgettext_iface
 
-from ...scfpf_addon.bridge.render.render_errors import told
-from ...scfpf_addon.projection.template_error import Message
+from ...scfpf_addon.bridge.blender.user_errors import told
+from ...scfpf_addon.projection.user_error import Message
 
 __all__ = ["drawn", "say", "told", "worded"]
 
@@ -27,6 +27,6 @@ def worded(template: str, *values: object) -> str:
 def drawn(message: str | BaseException) -> str:
     """A message or an error as a translated label.
 
-    message: a ``Message``, an error such as ``TemplateError``, or a text of the catalogue.
+    message: a ``Message``, an error such as ``UserError``, or a text of the catalogue.
     """
     return told(message, pgettext_iface)

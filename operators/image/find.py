@@ -5,10 +5,11 @@ import bpy
 import numpy as np
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import editable_camera, selected_objects
 from ..common.unstored_edits import note_edit
 from ..common.words import say
@@ -72,7 +73,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             points = points if points.size else origins
             found = find(inputs.projection, inputs.scene, points, names, pixel)
             centre = None if found is None else pick(inputs.projection, inputs.scene, *found.centre, pixel)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         settings = object_by_uid(uid).scfpf
         settings.show_found = found is not None

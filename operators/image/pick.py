@@ -5,9 +5,10 @@ import bpy
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import editable_camera
 from ..common.unstored_edits import note_edit
 from ..common.words import say
@@ -59,7 +60,7 @@ class SCFPF_OT_pick(ImageClick, bpy.types.Operator):
             inputs = prepared_inputs(context, camera)
             size = 1 / inputs.settings.width, 1 / inputs.settings.height
             found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         if found is None:
             self.report({"WARNING"}, "No projector goes through that place of the picture: click elsewhere")

@@ -17,7 +17,7 @@ def poll_no_render(cls, _context) -> bool:
 def prepared_inputs(context, camera) -> RenderInputs:
     """The inputs of an image of the context's view layer, edits in progress included.
 
-    Raises one of RENDER_ERRORS. Reading may free Blender data: afterwards look up ``camera`` by its uid.
+    Raises USER_ERRORS. Reading may free Blender data: afterwards look up ``camera`` by its uid.
     """
     take_up_edits(context)
     return prepare(context.scene, context.view_layer, camera)

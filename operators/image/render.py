@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import render_job
 from ...scfpf_addon.bridge.render.result_image import (
     discard_progress,
@@ -17,7 +18,7 @@ from ...scfpf_addon.bridge.render.result_image import (
     show_progress,
 )
 from ..common import running
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import chosen_camera
 from ..common.words import say, told
 from .image_editors import image_editors, open_image_editor
@@ -108,7 +109,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             inputs = prepared_inputs(context, camera)
             keep = context.scene.render.use_persistent_data
             self._job = render_job.start(inputs, with_tiles, keep)
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             refused(self, error)
             return False
         for warning in inputs.scene.warnings:
@@ -119,7 +120,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         """Write the finished image; nothing changes if the job was cancelled or has failed."""
         try:
             frame = self._job.result()
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         finally:
             render_job.stop()
@@ -132,7 +133,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             # Blender has the pixels. Packing takes as much memory again, and the job holds them, too.
             del frame, self._job
             warning = keep_result()
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         if warning:
             self.report({"WARNING"}, told(warning))

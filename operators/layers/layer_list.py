@@ -6,10 +6,10 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
-from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.slot_animation import LAYERS, move_slot, remove_slot
 from ...scfpf_addon.bridge.layers.layer_edits import add_layer
 from ...scfpf_addon.bridge.settings.layer_properties import FRONTS
+from ...scfpf_addon.projection.user_error import UserError
 from ..aim.aim_camera import AimAction, camera_name, chosen, thing_name
 from ..aim.targets import collection_of, selected_things
 from ..common.target import selected_objects
@@ -29,10 +29,12 @@ def layer_index():
 
 
 def _place(camera, index: int) -> int:
-    """The place of a camera's layer. index: -1 for the active one. Raises AimError."""
+    """The place of a camera's layer. index: -1 for the active one. Raises UserError."""
     index = camera.scfpf.active_layer if index < 0 else index
     if index >= len(camera.scfpf.layers):
-        raise AimError(say("'{0}' has no layer at place {1}: add one with Add Layer", camera.name, index + 1))
+        raise UserError(
+            say("'{0}' has no layer at place {1}: add one with Add Layer", camera.name, index + 1)
+        )
     return index
 
 
@@ -64,10 +66,10 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
             cameras = [obj for obj in selected_objects(context) if obj.type == "CAMERA" and obj != camera]
             eye = cameras[0] if len(cameras) == 1 else None
         elif eye.type != "CAMERA" or eye == camera:
-            raise AimError(say("'{0}' cannot see a layer: choose another camera", eye.name))
+            raise UserError(say("'{0}' cannot see a layer: choose another camera", eye.name))
         objects = selected_things(context)
         if collection is None and not objects:
-            raise AimError("Select the objects that the layer is to show")
+            raise UserError("Select the objects that the layer is to show")
         layer = add_layer(camera, collection or collection_of(context, objects), eye)
         layer.front = self.front
         return say("Move '{0}' to where the layer is to be seen from", layer.camera.name)

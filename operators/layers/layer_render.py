@@ -7,11 +7,12 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, StringProperty
 
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
 from ..common import running
-from ..common.errors import BAD_INPUT, refused
+from ..common.errors import refused
 from ..common.target import chosen_camera, take_up_edits
 from ..common.words import say, told
 from ..image.image_editors import image_editors
@@ -67,7 +68,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
     def execute(self, context):
         try:
             job = render_layers(context, *self._wanted(context))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         return self._finish(context, job)
 
@@ -76,7 +77,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
             return self.execute(context)
         try:
             job = LayersJob(context, *self._wanted(context))
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             return refused(self, error)
         _jobs.append(job)
         _cancelled.clear()
@@ -106,7 +107,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
                 context.workspace.status_text_set(say("SCFPF: {0}    Esc: cancel", job.progress))
                 job.render(in_window=True)
                 return {"RUNNING_MODAL"}
-        except BAD_INPUT as error:
+        except USER_ERRORS as error:
             self._leave(context)
             return refused(self, error)
         except Exception:
@@ -138,7 +139,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         type_registration.when_idle(job.close)
 
     def _wanted(self, context):
-        """The camera, frames and path. Raises BAD_INPUT."""
+        """The camera, frames and path. Raises USER_ERRORS."""
         camera, scene = chosen_camera(context, self.camera), context.scene
         take_up_edits(context)
         frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step) if self.animation else ()

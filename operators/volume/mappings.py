@@ -7,10 +7,10 @@ from bpy.props import BoolProperty, EnumProperty
 from ...scfpf_addon.bridge.blender.slot_animation import MAPPINGS, move_slot
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.mappings import mapping_edits
-from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
 from ...scfpf_addon.bridge.mappings.st_map_image import CONTENTS, write_st_map
 from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
+from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import STEPS, Tool, select_only, tooltip_of
 from ..common.unstored_edits import note_edit
@@ -97,9 +97,7 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         grid = active_mapping(camera).grid
         if grid is None or grid.name not in context.view_layer.objects:
-            raise MappingError(
-                "The grid is not in this view layer: choose another mesh, or add a new mapping"
-            )
+            raise UserError("The grid is not in this view layer: choose another mesh, or add a new mapping")
         grid.hide_set(False)
         select_only(context, grid)
 

@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import (
-    FlexibleCameraError,
     add_surface,
     attach_surface,
     move_surface,
@@ -13,7 +13,8 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
 )
 from ...scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS, KIND_ITEMS
 from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
-from ..common.errors import BAD_INPUT, refused
+from ...scfpf_addon.projection.user_error import UserError
+from ..common.errors import refused
 from ..common.target import (
     active_object,
     flexible_camera_of,
@@ -92,7 +93,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
         for obj in _candidates(context):
             try:
                 attach_surface(camera, obj)
-            except BAD_INPUT as error:
+            except USER_ERRORS as error:
                 refused(self, error)
             else:
                 attached += 1
@@ -164,13 +165,9 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
         index = settings.active_surface if self.index < 0 else self.index
         surface = settings.surfaces[index].object if index < len(settings.surfaces) else None
         if surface is None or surface.name not in context.view_layer.objects:
-            raise FlexibleCameraError(
-                "This control surface has no object in the view layer: remove it from the list"
-            )
+            raise UserError("This control surface has no object in the view layer: remove it from the list")
         if not surface.visible_get():
-            raise FlexibleCameraError(
-                say("{0} is hidden: show it in the Outliner to select it", surface.name)
-            )
+            raise UserError(say("{0} is hidden: show it in the Outliner to select it", surface.name))
         if surface.hide_select:
             set_edit_volume(camera, True)
         context.view_layer.update()

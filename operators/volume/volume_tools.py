@@ -5,10 +5,10 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera import volume_edits
-from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.camera.surface_mirror import mirror_surfaces
 from ...scfpf_addon.bridge.camera.volume_fit import fit_to_image, fit_volume
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.projection.user_error import UserError
 from ..common.scene_box import SHAPES, scene_box
 from ..common.target import (
     active_object,
@@ -188,7 +188,7 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         box = scene_box(context, selected_only=True)
         if box is None:
-            raise FlexibleCameraError("The selected objects are disabled in renders: select others")
+            raise UserError("The selected objects are disabled in renders: select others")
         aspect = image_aspect(context.scene)
         fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 

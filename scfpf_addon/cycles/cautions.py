@@ -6,7 +6,7 @@ from __future__ import annotations
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.blends.camera_blend import has_cuts
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
-from ..projection.template_error import Message
+from ..projection.user_error import Message
 from . import aov_passes, footprints, hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE

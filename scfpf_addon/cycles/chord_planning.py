@@ -13,11 +13,12 @@ from ..bridge.camera.ordinary_camera import is_own_view
 from ..bridge.camera.read_projection import read_projection
 from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
+from ..projection.user_error import UserError
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import grid_cells
-from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
+from .chords.chord_plan import ChordPlan, plan_chords, rendering_cost
 from .portals.sheets import first_sheet, whole_vertices
-from .rig_data import RigError, build_groups, check, check_surfaces, remove_groups
+from .rig_data import build_groups, check, check_surfaces, remove_groups
 from .smoke import changing_smoke, keyed_frames, smoke_around
 from .watched_volume import may_move
 
@@ -49,7 +50,7 @@ class Planning:
     """
 
     def __init__(self, context, camera) -> None:
-        """Raises RigError, or an error of ``read_projection``."""
+        """Raises UserError, or an error of ``read_projection``."""
         scene = context.scene
         check(scene, camera)
         check_surfaces(camera)
@@ -103,11 +104,11 @@ class Planning:
         return Planned(chords, self._animated, self._smoke, self._changing)
 
     def camera(self, context):
-        """The camera. Raises RigError if it or its scene has gone."""
+        """The camera. Raises UserError if it or its scene has gone."""
         camera = object_by_uid(self._camera)
         is_here = context.scene.session_uid == self._scene and camera is not None
         if not is_here or not holds(context.scene.objects, camera):
-            raise RigError("'{0}' was deleted meanwhile: undo, or choose another camera", self._name)
+            raise UserError("'{0}' was deleted meanwhile: undo, or choose another camera", self._name)
         return camera
 
     def give_up(self) -> None:
@@ -146,15 +147,12 @@ def planned(context, camera) -> Planned:
 
 
 def chords_of(camera, scene, projections: list[Projection], is_own_view: bool = False) -> ChordPlan:
-    """Plan the chords of projections for a camera's settings. Raises RigError.
+    """Plan the chords of projections for a camera's settings. Raises UserError.
 
     is_own_view: as of ``ChordPlan``.
     """
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
-    try:
-        plan = plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
-    except PlanError as error:
-        raise RigError("{0}", error) from error
+    plan = plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
     return replace(plan, is_own_view=is_own_view)
 
 

@@ -7,7 +7,7 @@ import bpy
 
 from ..bridge.blender.rig_mark import camera_behind
 from ..bridge.render.render_engine import ENGINE
-from ..projection.template_error import Message
+from ..projection.user_error import Message
 from .rig_data import CYCLES, rig_of
 
 # The warning about F12 through a rig in a stereoscopic scene.

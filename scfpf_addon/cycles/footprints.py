@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ..projection.template_error import Message
+from ..projection.user_error import Message
 from .rig_data import LAYOUT
 
 # Pixels whose sizes in space differ by a larger factor from those that Cycles takes them for differ visibly.

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..bridge.camera.read_projection import ProjectionError
-from ..bridge.render.render_errors import RenderError
+from ..projection.user_error import UserError
 from .chord_planning import Price, chords_of, price_of_plan
-from .rig_data import RigError
 from .watched_volume import look
 
 # Seconds without a change before a price is computed.
@@ -67,7 +65,7 @@ def compute(camera, scene, depsgraph) -> Price | str:
         projection, signature = look(camera, scene, depsgraph)
         if signature != known:
             answer = price_of_plan(chords_of(camera, scene, [projection]))
-    except (ProjectionError, RenderError, RigError) as error:
+    except UserError as error:
         answer = str(error)
     _requests.answers[key] = _requests.changes, signature, answer
     return answer

@@ -17,22 +17,20 @@ from bpy.app.handlers import persistent
 from ..bridge.blender import versions
 from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ..bridge.blender.app_handlers import add_handlers, remove_handlers
-from ..bridge.camera.read_projection import ProjectionError
+from ..bridge.blender.user_errors import told
 from ..bridge.render.image_size import image_size
-from ..bridge.render.render_errors import RenderError, told
 from ..bridge.sync.handlers import sync as sync_volumes
-from ..projection.template_error import Message
+from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices, seen_data
 from .chord_planning import Planned, chords_of, planned
-from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
+from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, chord_error
 from .portals.sheets import has_no_area, image_places
 from .rig_data import (
     BOUNCES,
     CYCLES,
     SAME_SCREEN,
-    RigError,
     adopt,
     check_surfaces,
     fit_screen,
@@ -102,7 +100,7 @@ def switch_on(context, camera, plan: Planned | None = None):
     """Make the rig of a camera in the context's scene; return its collection.
 
     It replaces the scene's rig of another camera, and updates that of the same one. plan: of ``Planning``,
-    None to make it. Raises RigError, or an error of ``read_projection``; after any error all is as before.
+    None to make it. Raises UserError, or an error of ``read_projection``; after any error all is as before.
     """
     with switched_on(context, camera, plan) as rig:
         return rig
@@ -184,14 +182,14 @@ def prepare_render(context, rig, animation: bool = False, apart: bool = False) -
     """
     context.view_layer.update()
     if is_whole(rig) and not rig.scfpf_rig.problem:
-        with suppress(ProjectionError, RenderError, RigError), _rewritten(rig):
+        with suppress(UserError), _rewritten(rig):
             renew(rig, context.view_layer, animation, apart)
 
 
 def set_passes(rig, on: bool) -> None:
-    """Switch the passes of t, depth, u and v of a rig's scene on or off. Raises RigError."""
+    """Switch the passes of t, depth, u and v of a rig's scene on or off. Raises UserError."""
     if on and rig.scfpf_rig.scene.render.engine != CYCLES:
-        raise RigError("Choose Cycles as the render engine: only it has these passes")
+        raise UserError("Choose Cycles as the render engine: only it has these passes")
     settings = rig.scfpf_rig
     check_surfaces(settings.camera)
     change, take_back = (aov_passes.add, aov_passes.remove)[:: 1 if on else -1]
@@ -310,7 +308,7 @@ def _follow(rig, depsgraph, smoke_may_differ: bool, is_edited: bool) -> None:
             # The plan has followed it from another volume.
             _note_values(settings, smoke_unknown=settings.smoke_known.split(NAMES_END)[0])
         _seen[rig.session_uid] = now
-    except (ProjectionError, PlanError, RenderError, RigError) as error:
+    except UserError as error:
         problem = told(error)
     _note_values(settings, problem=problem)
 
@@ -428,7 +426,7 @@ def _renew_table(rig) -> None:
     if is_whole(rig) and not is_made(rig.scfpf_rig.table):
         try:
             update_nodes(rig)
-        except RigError as error:
+        except UserError as error:
             rig.scfpf_rig.problem = told(error)
 
 

@@ -23,8 +23,8 @@ from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
 from ..projection.presets.preset import MAXIMUM_SURFACES
-from ..projection.template_error import Message, TemplateError
 from ..projection.typing import Array
+from ..projection.user_error import Message, UserError
 from ..scanline.generated_collection import (
     follow_image_size,
     is_complete,
@@ -69,10 +69,6 @@ WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes", "Along Axis")
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
-class RigError(TemplateError):
-    """The rig cannot be made. The message says what to do."""
-
-
 def rigs() -> list:
     """The collections of all rigs in the file."""
     return [c for c in bpy.data.collections if c.scfpf_rig.is_rig and c.library is None]
@@ -92,9 +88,9 @@ def is_whole(rig) -> bool:
 
 
 def check(scene, camera) -> None:
-    """Raise RigError if a camera cannot have a rig in a scene."""
+    """Raise UserError if a camera cannot have a rig in a scene."""
     if problem := linked_text(scene, camera, Message("render it there")):
-        raise RigError(problem)
+        raise UserError(problem)
     require_cycles(scene)
 
 
@@ -104,23 +100,23 @@ def has_cycles(scene) -> bool:
 
 
 def require_cycles(scene) -> None:
-    """Raise RigError if Cycles is switched off."""
+    """Raise UserError if Cycles is switched off."""
     if not has_cycles(scene):
-        raise RigError(NO_CYCLES)
+        raise UserError(NO_CYCLES)
 
 
 def check_surfaces(camera) -> None:
-    """Raise RigError if the control surfaces have no table of projectors."""
+    """Raise UserError if the control surfaces have no table of projectors."""
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
-            raise RigError(
+            raise UserError(
                 "Cycles cannot follow the lattice '{0}': use control surfaces instead of it, or "
                 "render with SCFPF",
                 slot.object.name,
             )
     count = len(camera.scfpf.surfaces)
     if not 2 <= count <= MAXIMUM_SURFACES:
-        raise RigError(
+        raise UserError(
             "'{0}' has too few control surfaces: a volume needs at least two; add one in the camera's "
             "properties or load a preset"
             if count < 2
@@ -295,7 +291,7 @@ def adopt(rig) -> None:
         return
     try:
         update_nodes(rig)
-    except RigError:
+    except UserError:
         return  # again as soon as the camera has surfaces; the panel says so
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
@@ -316,7 +312,7 @@ def has_new_materials(rig) -> bool:
 
 
 def update_nodes(rig) -> None:
-    """Bring the table and the modifier in step with the camera's surfaces and settings. Raises RigError."""
+    """Bring the table and the modifier in step with the camera's surfaces and settings. Raises UserError."""
     settings = rig.scfpf_rig
     check_surfaces(settings.camera)
     of_rig = {"key": table_key(settings), "label": "Cycles Table", "scene": settings.scene}
@@ -439,7 +435,7 @@ def restore_pointers(rig, table: int) -> None:
 def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
     """Write a plan's sheets into the rig's mesh, and the plan's figures into its settings.
 
-    faces: of sheets whose rays skip chords, None if they skip none. Raises RigError without Cycles.
+    faces: of sheets whose rays skip chords, None if they skip none. Raises UserError without Cycles.
     """
     settings = rig.scfpf_rig
     require_cycles(settings.scene)

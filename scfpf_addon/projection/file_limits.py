@@ -9,7 +9,7 @@ import stat
 from pathlib import Path
 from time import monotonic
 
-from .template_error import TemplateError
+from ..projection.user_error import UserError
 
 MAXIMUM_BYTES = 16 * 2**20
 # Seconds and bytes that reading takes at most.
@@ -36,7 +36,7 @@ OBJECT_BYTES, LIST_BYTES, VALUE_BYTES = 400, 120, 70
 OTHER_COMMAS = 100_000
 
 
-class PresetError(TemplateError):
+class PresetError(UserError):
     """A preset that cannot be used; the message says what to change."""
 
 

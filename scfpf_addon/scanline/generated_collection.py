@@ -13,7 +13,7 @@ import bpy
 from ..bridge.blender.drivers import add_property, new_driver
 from ..bridge.blender.modifier_inputs import input_property
 from ..bridge.blender.scene_objects import absent_text, holds
-from ..projection.template_error import Message
+from ..projection.user_error import Message
 
 _SIZE = {
     "width": "render.resolution_x",

@@ -143,7 +143,7 @@ def preview_after_every_mode(driver):
             try:
                 with driver.override():
                     preview.switch_on(bpy.context, camera)
-            except (AttributeError, viewport.ViewportError) as said:
+            except (AttributeError, viewport.UserError) as said:
                 assert str(error) in str(said)
             else:
                 raise AssertionError("a viewport that cannot be prepared is not refused")

@@ -15,12 +15,12 @@ import numpy as np
 from ...projection.aim.start import start_volume
 from ...projection.surfaces.nurbs import NurbsPatch
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.slot_animation import MAPPINGS, SURFACES, require_own_items
 from ..camera.flexible_camera import NewSurface, make_flexible, replace_surfaces
 from ..mappings.mapping_edits import clear_mappings
 from ..surfaces import nurbs_object
-from .target_views import AimError
 
 # Custom properties of a solved surface: the coordinates of its start, and the digest of its solution.
 START_KEY, DIGEST_KEY = "scfpf_aim_start", "scfpf_aim_digest"
@@ -77,12 +77,12 @@ def new_start(
 ) -> tuple[Patches, float]:
     """A projection as the patches that a camera's settings of Aim ask for, and their error in pixels.
 
-    subject, far: as for ``start_volume``. Raises AimError.
+    subject, far: as for ``start_volume``. Raises UserError.
     """
     net = settings.columns, settings.rows
     start = start_volume(projection, width, net, settings.degree, subject, far)
     if not all(np.isfinite(patch.points).all() for patch in start.patches):
-        raise AimError("The volume has no finite control points: check its control surfaces")
+        raise UserError("The volume has no finite control points: check its control surfaces")
     return start.patches, start.error
 
 
@@ -105,7 +105,7 @@ def _points(surface) -> Array:
 def write_volume(camera, start: Patches, solved: Patches) -> None:
     """Make a camera's volume a solution: on its present surfaces if they are one of as many points.
 
-    start, solved: in camera space. Raises SlotError or SurfaceError before anything has changed.
+    start, solved: in camera space. Raises UserError before anything has changed.
     """
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     if start_of(camera) is None or not _has_room(camera, solved):

@@ -10,6 +10,7 @@ import numpy as np
 from ...projection.aim.problem import AimPins
 from ...projection.aim.solver import Aim
 from ...projection.aim.vectors import nearest_t
+from ...projection.user_error import UserError
 from ..blender.scene_objects import object_by_uid
 from ..settings.aim_properties import PIN, VIEW
 from .aimed_volume import (
@@ -26,18 +27,18 @@ from .read_problem import AimInputs, own_pin, read_inputs
 from .solution import Measures, forget_measures
 from .solve_targets import solving
 from .solve_work import Steps
-from .target_views import AimError, view_map
+from .target_views import view_map
 
 
 class AimDrag:
-    """Arrays and session ids of a drag; no Blender data. Every method raises AimError or RENDER_ERRORS.
+    """Arrays and session ids of a drag; no Blender data. Every method raises USER_ERRORS.
 
     A volume that is no solution becomes one, with the same image. Call either ``finishing`` or ``restore``.
     """
 
     def __init__(self, camera, depsgraph) -> None:
         if is_keyed(camera):
-            raise AimError("The volume is keyframed: move the targets at their keys, then press Solve")
+            raise UserError("The volume is keyframed: move the targets at their keys, then press Solve")
         self._camera = camera.session_uid
         self._inputs: AimInputs = read_inputs(camera, depsgraph)
         self._solver = Aim(self._inputs.problem())
@@ -76,7 +77,7 @@ class AimDrag:
         camera = self._found()
         result = self._solver.drag(self._pins(camera, depsgraph))
         if not all(np.isfinite(patch.points).all() for patch in result.patches):
-            raise AimError("The volume cannot follow: move the targets back a little")
+            raise UserError("The volume cannot follow: move the targets back a little")
         write_points(camera, moved(result.patches, self._inputs.inward))
         note_solution(camera)
         forget_measures(camera)
@@ -85,7 +86,7 @@ class AimDrag:
     def _found(self):
         camera = object_by_uid(self._camera)
         if camera is None or start_of(camera) is None or not self._fits(camera):
-            raise AimError("The camera or its control surfaces have changed: begin again")
+            raise UserError("The camera or its control surfaces have changed: begin again")
         return camera
 
     def _pins(self, camera, depsgraph) -> AimPins:
@@ -99,7 +100,7 @@ class AimDrag:
         listed = camera.scfpf.aim_targets
         for number in np.unique(targets.owners):
             if number >= len(listed):
-                raise AimError("The targets have changed: begin again")
+                raise UserError("The targets have changed: begin again")
             target, own = listed[number], np.flatnonzero(targets.owners == number)
             if target.kind == VIEW:
                 shown = view_map(target, depsgraph, self._inputs.present.aspect)

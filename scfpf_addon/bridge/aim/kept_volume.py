@@ -12,13 +12,13 @@ from contextlib import contextmanager
 
 import bpy
 
+from ...projection.user_error import UserError
 from ..blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_back
 from ..blender.scene_objects import delete_with_data, object_by_uid
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from ..camera.flexible_camera import clear_surfaces, make_flexible
 from ..mappings.mapping_edits import clear_mappings
 from ..volume.camera_members import all_cameras, grids_of, surfaces_of
-from .target_views import AimError
 
 # How a surface is shown, which depends on the lists that have it.
 SHOWN = ("hide_select", "show_in_front", "display_type")
@@ -30,9 +30,9 @@ class KeptVolume:
     """A camera's present volume. Call either ``bring_back`` or ``drop`` once."""
 
     def __init__(self, camera) -> None:
-        """Raises AimError if keyframes or drivers move the volume's settings: they cannot be brought back."""
+        """Raises UserError if keyframes or drivers move the volume: they cannot be brought back."""
         if _is_keyed(camera):
-            raise AimError("The surfaces or mappings of '{0}' are keyframed: press Solve first", camera.name)
+            raise UserError("The surfaces or mappings of '{0}' are keyframed: press Solve first", camera.name)
         self._copy = _holder_of(camera).session_uid
 
     def bring_back(self, camera) -> None:

@@ -17,9 +17,9 @@ import numpy as np
 
 from ...projection.aim.start import projection_of
 from ...projection.surfaces.nurbs import NurbsPatch
-from ...projection.template_error import Message
+from ...projection.user_error import Message, UserError
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
-from ..render.render_errors import told
+from ..blender.user_errors import told
 from ..settings.aim_properties import LARGEST
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .kept_volume import volume_kept
@@ -27,7 +27,6 @@ from .read_problem import read_inputs
 from .solution import Solution
 from .solve_targets import camera_again, judge_of, judged, solution_of, solving
 from .solve_work import Steps, Work
-from .target_views import AimError
 from .verdict import require_better, require_possible, store_verdict
 
 # The shape key of the start, and the beginning of the names of others, which the frame follows.
@@ -75,9 +74,9 @@ def solving_animation(camera, context) -> Steps:
     if len(frames) < 2:
         return (yield from solving(camera, context.evaluated_depsgraph_get()))
     if len(frames) > MOST_KEYS:
-        raise AimError("The targets have keys at {0} frames: {1} are the most", len(frames), MOST_KEYS)
+        raise UserError("The targets have keys at {0} frames: {1} are the most", len(frames), MOST_KEYS)
     if bpy.app.is_job_running("RENDER"):
-        raise AimError("Keyframed targets cannot be solved during a render: wait until it has ended")
+        raise UserError("Keyframed targets cannot be solved during a render: wait until it has ended")
     uid, scene = camera.session_uid, context.scene
     present, scene = (scene.frame_current, scene.frame_subframe), scene.session_uid
     del camera, context
@@ -132,11 +131,11 @@ def _solutions(uid: int, frames: list[float]) -> Generator[Work, Any, list[Solut
 
 @contextmanager
 def _at(frame: float):
-    """Name the frame in the messages of AimError."""
+    """Name the frame in the messages of UserError."""
     try:
         yield
-    except AimError as error:
-        raise AimError("At frame {0:g}: {1}", frame, error) from error
+    except UserError as error:
+        raise UserError("At frame {0:g}: {1}", frame, error) from error
 
 
 def _own_nets(solution: Solution) -> Patches:

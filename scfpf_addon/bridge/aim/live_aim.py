@@ -15,19 +15,16 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.scene_objects import object_by_uid
-from ..blender.slot_animation import SlotError
+from ..blender.user_errors import USER_ERRORS, told
 from ..camera.flexible_camera import control_objects
-from ..render.render_errors import RENDER_ERRORS, told
-from ..surfaces.surface_object import SurfaceError
 from ..sync.handlers import camera_objects
 from .aimed_volume import start_of
 from .drag import AimDrag
 from .solve_targets import solving
 from .solve_work import WatchedSolve
-from .target_views import AimError
 
 # Drags by the session id of their camera, and what its targets were at the last call.
 _drags: dict[int, AimDrag] = {}
@@ -72,7 +69,7 @@ def follow(camera, depsgraph) -> None:
         if uid not in _drags:
             _drags[uid] = AimDrag(camera, depsgraph)
         residual = _drags[uid].step(depsgraph)
-    except (AimError, SurfaceError, *RENDER_ERRORS) as error:
+    except USER_ERRORS as error:
         _drags.pop(uid, None)
         camera.scfpf.aim.message = told(error)
     else:
@@ -123,7 +120,7 @@ def _told(camera):
     """Write the messages of errors where the panel shows them."""
     try:
         yield
-    except (AimError, SlotError, SurfaceError, *RENDER_ERRORS) as error:
+    except USER_ERRORS as error:
         camera.scfpf.aim.message = told(error)
 
 

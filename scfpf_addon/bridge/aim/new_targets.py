@@ -11,12 +11,13 @@ from mathutils import Matrix, Vector
 
 from ...projection.aim.view_map import LocalEye, local_eye, orbit
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import AIM_TARGETS, remove_slot
 from ..settings.aim_properties import LINE, PIN, STAY, VIEW
-from .target_views import AimError, target_objects, thing_box
+from .target_views import target_objects, thing_box
 
 # A new eye's lens shows this much more than the thing.
 EYE_MARGIN = 1.15
@@ -32,14 +33,14 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
     """Add a view of a collection or an object, at the place and in the size that its image has.
 
     projection: of the camera, in world space. eye: the camera or empty that the view is seen from; by default
-    a new camera that sees the thing as the image shows it. Returns the target. Raises AimError.
+    a new camera that sees the thing as the image shows it. Returns the target. Raises UserError.
     """
     target = _new_target(camera, VIEW, (collection or obj).name)
     try:
         target.collection, target.object = collection, obj
         objects = target_objects(target)
         if not objects or camera in objects:
-            raise AimError("'{0}' has no faces to show: choose objects that renders show", target.name)
+            raise UserError("'{0}' has no faces to show: choose objects that renders show", target.name)
         low, high = thing_box(objects, depsgraph)
         centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
         x, y, seen = _seen_now(camera, projection, centre)
@@ -47,7 +48,7 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
         target.width = 2.0 * radius / seen.image_width
         target.halo = HALO * radius
         target.eye = eye or _new_eye(camera, target.name, seen, centre, radius)
-    except AimError:
+    except UserError:
         remove_target(camera, len(camera.scfpf.aim_targets) - 1)
         raise
     return target
@@ -129,10 +130,10 @@ def add_pin(
 
 
 def add_line(camera, first, second):
-    """Add a straight line between the handles of two pins. Returns the target. Raises AimError."""
+    """Add a straight line between the handles of two pins. Returns the target. Raises UserError."""
     handles = [target.handle for target in camera.scfpf.aim_targets if target.kind == PIN]
     if first == second or not {first, second} <= set(handles):
-        raise AimError("A straight line needs two pins: choose the handles of two different ones")
+        raise UserError("A straight line needs two pins: choose the handles of two different ones")
     target = _new_target(camera, LINE, f"{first.name} to {second.name}")
     target.first, target.second = first, second
     return target
@@ -149,11 +150,11 @@ def add_stay(camera, collection=None, obj=None, mask=None):
 def remove_target(camera, index: int) -> None:
     """Remove a target, with its animation, and the handle of a pin if no other target uses it.
 
-    The camera of a view stays: it may be in use. Raises AimError or SlotError.
+    The camera of a view stays: it may be in use. Raises UserError.
     """
     targets = camera.scfpf.aim_targets
     if not 0 <= index < len(targets):
-        raise AimError("'{0}' has no target at place {1}", camera.name, index + 1)
+        raise UserError("'{0}' has no target at place {1}", camera.name, index + 1)
     handle = targets[index].handle if targets[index].kind == PIN else None
     remove_slot(camera.scfpf, index, AIM_TARGETS)
     if handle is not None and handle.is_editable:
@@ -168,10 +169,10 @@ def remove_target(camera, index: int) -> None:
 
 
 def turn_eye(target, depsgraph, left: float, up: float) -> None:
-    """Move the eye of a view round its thing: radians to its own left, and up. Raises AimError."""
+    """Move the eye of a view round its thing: radians to its own left, and up. Raises UserError."""
     eye = target.eye
     if eye is None or not eye.is_editable:
-        raise AimError(
+        raise UserError(
             "The view '{0}' has no camera that can be turned: choose one under Seen From", target.name
         )
     low, high = thing_box(target_objects(target), depsgraph)

@@ -14,6 +14,7 @@ from ...casting.common.hits import CastError
 from ...projection.aim.problem import AimLines, AimPins, AimProblem, AimStays
 from ...projection.aim.start import projection_of
 from ...projection.typing import Array, BoolArray
+from ...projection.user_error import UserError
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
 from ..blender.image_masks import mask_pixels, values_at
@@ -25,7 +26,7 @@ from ..live.live_objects import LiveObjects
 from ..render.image_size import image_aspect, image_size
 from ..settings.aim_properties import LINE, PIN, STAY, VIEW
 from .aimed_volume import Patches, fits, moved, new_start, start_of
-from .target_views import AimError, target_objects, title_of, view_map
+from .target_views import target_objects, title_of, view_map
 
 # The weight of a point of a locked region, compared with one of the background. They are fewer to the place.
 LOCKED = 12.0
@@ -106,17 +107,17 @@ class AimInputs:
 
 
 def read_arrays(depsgraph) -> SceneArrays:
-    """The objects that viewports and renders show. Raises AimError, CastError or SceneError."""
+    """The objects that viewports and renders show. Raises UserError, CastError or UserError."""
     objects = LiveObjects()
     built = KeptScene().updated(objects.read(depsgraph))
     if built.cast_scene is None or built.tables is None:
-        raise AimError("There is nothing to aim at: add an object with faces that renders show")
+        raise UserError("There is nothing to aim at: add an object with faces that renders show")
     names = tuple((key.name, key.owner_name) for key in objects.table.objects)
     return SceneArrays(AimScene(built.cast_scene, built.tables.object), names)
 
 
 def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targets:
-    """The camera's views, pins and lines that are in use. Raises AimError, CastError or FrustumError."""
+    """The camera's views, pins and lines that are in use. Raises UserError, CastError or UserError."""
     parts, owners, halos = [], [], []
     wanted = np.zeros(len(arrays.scene.objects), bool)
     by_handle: dict[int, int] = {}
@@ -135,7 +136,7 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
         owners += [number] * part.count
         halos += [target.halo] * part.count
     if not parts:
-        raise AimError(
+        raise UserError(
             "'{0}' has no view and no pin to aim at: add one with Add View or Add Pin", camera.name
         )
     lines = [_line(target, by_handle) for _, target in listed if target.kind == LINE]
@@ -156,20 +157,20 @@ def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: floa
     shown = view_map(target, depsgraph, aspect)
     own = arrays.triangles_of(target_objects(target))
     if not own.any():
-        raise AimError(
+        raise UserError(
             "The view '{0}' has no faces that viewports and renders show: show it", title_of(target)
         )
     try:
         seen = seen_of(arrays.scene, own, shown)
     except CastError as error:
-        raise AimError(
+        raise UserError(
             "'{0}' does not see '{1}': turn it there", target.eye.name, title_of(target)
         ) from error
     pins = pins_on(arrays.scene, seen, shown, number)
     pins = replace(pins, weights=pins.weights * target.weight)
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
-        raise AimError("The view '{0}' is outside the picture: move its frame into it", title_of(target))
+        raise UserError("The view '{0}' is outside the picture: move its frame into it", title_of(target))
     return pins.take(inside), View(shown, own, seen)
 
 
@@ -177,10 +178,10 @@ def own_pin(target, depsgraph) -> AimPins:
     """The pin of an empty."""
     handle = target.handle
     if handle is None or is_absent(handle, depsgraph.scene):
-        raise AimError("The pin '{0}' has no handle: remove it from the list", title_of(target))
+        raise UserError("The pin '{0}' has no handle: remove it from the list", title_of(target))
     position = np.array(target.position, np.float64)[:, None]
     if not ((position >= 0.0) & (position <= 1.0)).all():
-        raise AimError("The pin '{0}' is outside the picture: move it into it", title_of(target))
+        raise UserError("The pin '{0}' is outside the picture: move it into it", title_of(target))
     matrix = np.array(handle.evaluated_get(depsgraph).matrix_world, np.float64)
     direction = -matrix[:3, 2:3] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
     return AimPins(
@@ -194,14 +195,14 @@ def own_pin(target, depsgraph) -> AimPins:
 def _line(target, by_handle: dict[int, int]) -> tuple[int, int]:
     ends = [by_handle.get(end.session_uid) if end else None for end in (target.first, target.second)]
     if ends[0] is None or ends[1] is None or ends[0] == ends[1]:
-        raise AimError(
+        raise UserError(
             "The line '{0}' needs two pins that are in use: choose their handles", title_of(target)
         )
     return ends[0], ends[1]
 
 
 def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
-    """Everything that a solution of a camera's targets needs. Raises RENDER_ERRORS, AimError or SlotError.
+    """Everything that a solution of a camera's targets needs. Raises USER_ERRORS.
 
     kept: the start in camera space, by default that of the camera's present volume.
     """
@@ -258,7 +259,7 @@ def _stays(
         if objects:
             free = wanted | ~arrays.triangles_of(objects)
         elif target.mask is None:
-            raise AimError(
+            raise UserError(
                 "The stay '{0}' is empty: choose a collection, an object or a mask", title_of(target)
             )
         found = find_stays(before, arrays.scene, pins, np.zeros(pins.count), free, width, LOCKED_GRID)
@@ -274,5 +275,5 @@ def _mask_values(image, positions: Array) -> Array:
     """The first channel of an image at positions (2, N), (N,)."""
     pixels = mask_pixels(image)
     if pixels is None:
-        raise AimError("The mask '{0}' has no pixels: load or paint it", image.name)
+        raise UserError("The mask '{0}' has no pixels: load or paint it", image.name)
     return values_at(pixels, positions)

@@ -10,12 +10,13 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ..blender.app_handlers import DrawHandler
 from ..overlays.image_marks import MARK, SHADER
 from ..overlays.viewport_overlay import visible_cameras
 from ..settings.aim_properties import PIN, VIEW
 from .shown_targets import box_corners
-from .target_views import AimError, target_objects, thing_box
+from .target_views import target_objects, thing_box
 
 # Display colour of targets that are not active.
 QUIET = (0.75, 0.75, 0.75, 0.6)
@@ -27,7 +28,7 @@ ARROW, HEAD, HEAD_WIDTH = 3.0, 0.6, 0.25
 def view_lines(target, depsgraph) -> Array:
     """The frame around a view's thing as its eye sees it, with lines to the eye, (2 N, 3) in the world.
 
-    Raises AimError.
+    Raises UserError.
     """
     matrix = np.array(target.eye.evaluated_get(depsgraph).matrix_world.normalized(), np.float64)
     is_parallel = target.eye.type == "CAMERA" and target.eye.data.type == "ORTHO"
@@ -36,7 +37,7 @@ def view_lines(target, depsgraph) -> Array:
     depth = float(own[2].mean())
     scale = np.ones(8) if is_parallel else depth / np.minimum(own[2], depth * 1e-3)
     if not is_parallel and depth >= 0.0:
-        raise AimError("'{0}' looks away", target.eye.name)
+        raise UserError("'{0}' looks away", target.eye.name)
     flat = own[:2] * scale
     (left, low), (right, high) = flat.min(axis=1), flat.max(axis=1)
     x, y = np.array([[left, right, right, left], [low, low, high, high]])
@@ -63,7 +64,7 @@ def target_lines(target, depsgraph) -> Array | None:
     if target.kind == VIEW and target.eye is not None:
         try:
             return view_lines(target, depsgraph)
-        except (AimError, np.linalg.LinAlgError):
+        except (UserError, np.linalg.LinAlgError):
             return None  # the target's message says why
     if target.kind == PIN and target.handle is not None and target.use_direction:
         return pin_lines(target.handle)

@@ -13,15 +13,15 @@ from bpy.types import Object
 
 from ...projection.typing import Array
 from ...shading.picking.frame_handles import BODY, REACH, Frame
+from ..blender.user_errors import USER_ERRORS
 from ..live.seen_object import shown_camera
 from ..overlays.image_marks import marked_camera
 from ..render.image_size import image_aspect
-from ..render.render_errors import RENDER_ERRORS
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.result_image import result_image
 from ..render.view_painter import Rectangle
 from ..settings.aim_properties import LINE, PIN, VIEW
-from .target_views import AimError, target_objects, thing_box, view_map
+from .target_views import target_objects, thing_box, view_map
 
 
 class ShownImage(NamedTuple):
@@ -91,7 +91,7 @@ def _frame(target, image: ShownImage, origin: Array, depsgraph) -> Frame | None:
         corners = box_corners(*thing_box(target_objects(target), depsgraph))
         aspect = image_aspect(depsgraph.scene)
         positions = view_map(target, depsgraph, aspect).positions(corners)
-    except (AimError, *RENDER_ERRORS):
+    except USER_ERRORS:
         return None
     seen = image.pixels(positions[:, np.isfinite(positions).all(axis=0)])
     return Frame.around(seen, origin, target.turn) if seen.size else None

@@ -13,6 +13,7 @@ from ...casting.aim.rounds import BUDGET, Budget, JudgeResult, Round, solve_in_r
 from ...casting.aim.survey import background_spread, spread_of
 from ...projection.aim.problem import AimProblem, AimResult
 from ...projection.aim.start import projection_of
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid
 from .aimed_volume import moved, write_volume
@@ -20,7 +21,6 @@ from .kept_volume import volume_kept
 from .read_problem import AimInputs, read_inputs
 from .solution import Solution
 from .solve_work import Progress, Steps, Work, require_wanted
-from .target_views import AimError
 from .verdict import require_better, require_possible, store_verdict
 
 # The share of the time of a solve that the judgement of the old image takes.
@@ -28,7 +28,7 @@ JUDGED_OLD = 0.1
 
 
 def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
-    """Solve and judge; arrays only. Raises AimError, Cancelled or CastError."""
+    """Solve and judge; arrays only. Raises UserError, Cancelled or CastError."""
     judge, budget = judge_of(inputs), Budget(BUDGET)
     old = judged(inputs, judge, inputs.before)
     progress.share = JUDGED_OLD
@@ -51,7 +51,7 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     found = solve_in_rounds(problem, look, old, report, free, budget)
     require_wanted(progress)
     if found is None:
-        raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
+        raise UserError("Not taken, because no volume was found: bring the targets nearer to their places")
     return _surveyed(inputs, judge, found, old, budget.is_set())
 
 
@@ -84,17 +84,17 @@ def judged(inputs: AimInputs, judge: Judge, after: Projection, released: Release
 
 
 def camera_again(uid: int):
-    """The camera of a solve, after work that Blender did not wait for. Raises AimError."""
+    """The camera of a solve, after work that Blender did not wait for. Raises UserError."""
     camera = object_by_uid(uid)
     if camera is None or not camera.users_collection:
-        raise AimError("The camera is gone: undo its deletion, and press Solve again")
+        raise UserError("The camera is gone: undo its deletion, and press Solve again")
     return camera
 
 
 def solving(camera, depsgraph) -> Steps:
     """Solve, and make the solution the camera's volume.
 
-    Raises AimError, SlotError, SurfaceError or one of RENDER_ERRORS; then the volume is as before.
+    Raises USER_ERRORS; then the volume is as before.
     """
     uid, inputs = camera.session_uid, read_inputs(camera, depsgraph)
     require_possible(camera, inputs)

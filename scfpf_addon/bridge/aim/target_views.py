@@ -7,8 +7,8 @@ import numpy as np
 from mathutils import Matrix
 
 from ...projection.aim.view_map import ViewMap
-from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import absent_text, is_absent
 from ..camera.ordinary_camera import placement
@@ -18,10 +18,6 @@ from ..volume.volume_object import is_volume_object
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 # Of a thing without extent, the radius of the sphere around it, in Blender units.
 SMALLEST_RADIUS = 1e-4
-
-
-class AimError(TemplateError):
-    """Aiming is not possible; the message says what to do."""
 
 
 def target_objects(target) -> list:
@@ -47,7 +43,7 @@ def _corners(obj, matrix) -> Array:
 
 
 def thing_box(objects: list, depsgraph) -> tuple[Array, Array]:
-    """The corners low and high, (3,) each, of the box around objects as evaluated. Raises AimError."""
+    """The corners low and high, (3,) each, of the box around objects as evaluated. Raises UserError."""
     found = []
     for obj in objects:
         shown = obj.evaluated_get(depsgraph)
@@ -60,7 +56,7 @@ def thing_box(objects: list, depsgraph) -> tuple[Array, Array]:
             found.append(_corners(shown, shown.matrix_world))
     finite = [corners for corners in found if np.isfinite(corners).all()]
     if not finite:
-        raise AimError("There is nothing to show: choose a collection or an object that renders show")
+        raise UserError("There is nothing to show: choose a collection or an object that renders show")
     points = np.concatenate(finite)
     return points.min(axis=0), points.max(axis=0)
 
@@ -72,15 +68,15 @@ def title_of(target) -> str:
 
 
 def view_map(target, depsgraph, aspect: float) -> ViewMap:
-    """The map from points to a view. aspect: of the image. Raises AimError or FrustumError."""
+    """The map from points to a view. aspect: of the image. Raises UserError."""
     title, eye = title_of(target), target.eye
     if eye is None:
-        raise AimError("The view '{0}' has no camera: choose a camera or an empty under Seen From", title)
+        raise UserError("The view '{0}' has no camera: choose a camera or an empty under Seen From", title)
     if is_absent(eye, depsgraph.scene):
-        raise AimError(absent_text(eye, depsgraph.scene, Message("choose another camera under Seen From")))
+        raise UserError(absent_text(eye, depsgraph.scene, Message("choose another camera under Seen From")))
     objects = target_objects(target)
     if not objects:
-        raise AimError("The view '{0}' shows nothing: choose a collection or an object with faces", title)
+        raise UserError("The view '{0}' shows nothing: choose a collection or an object with faces", title)
     low, high = thing_box(objects, depsgraph)
     made = ViewMap(
         to_eye=np.linalg.inv(placement(eye.evaluated_get(depsgraph))),
@@ -93,7 +89,7 @@ def view_map(target, depsgraph, aspect: float) -> ViewMap:
         aspect=aspect,
     )
     if not made.is_visible:
-        raise AimError("'{0}' looks away from '{1}': turn it towards what the view shows", eye.name, title)
+        raise UserError("'{0}' looks away from '{1}': turn it towards what the view shows", eye.name, title)
     return made
 
 

@@ -13,12 +13,12 @@ from ...casting.aim.judge import Judgement
 from ...casting.aim.rounds import BUDGET
 from ...casting.aim.sight import free_turn
 from ...casting.aim.survey import Spread
-from ...projection.template_error import Message
-from ..render.render_errors import told
+from ...projection.user_error import Message, UserError
+from ..blender.user_errors import told
 from ..settings.aim_properties import LARGEST, VIEW
 from .read_problem import AimInputs
 from .solution import Solution
-from .target_views import AimError, title_of
+from .target_views import title_of
 
 # Pixels within which a target is met, those that a user is not told of, and those within which 95 % of the
 # background shall stay.
@@ -61,12 +61,12 @@ CONTRADICTIONS = {
 
 
 def require_possible(camera, inputs: AimInputs) -> None:
-    """Raise AimError if targets contradict each other."""
+    """Raise UserError if targets contradict each other."""
     targets = inputs.targets
     scene = inputs.arrays.scene
     found = find_contradiction(scene, inputs.before, targets.pins, targets.views, inputs.width)
     if found is not None:
-        raise AimError("Not solved, because {0}", _contradiction_text(camera, inputs, found))
+        raise UserError("Not solved, because {0}", _contradiction_text(camera, inputs, found))
 
 
 def _contradiction_text(camera, inputs: AimInputs, found: Contradiction) -> Message:
@@ -82,7 +82,7 @@ def _remedy(camera, inputs: AimInputs) -> Message:
 
 
 def require_better(camera, solution: Solution) -> None:
-    """Raise AimError if a solution makes the image worse, or misses a target."""
+    """Raise UserError if a solution makes the image worse, or misses a target."""
     inputs, found = solution.inputs, solution.judgement
     worse = found.worse_than(solution.old)
     reason = WORSE[worse] if worse else _missed(camera, inputs, found)
@@ -90,7 +90,7 @@ def require_better(camera, solution: Solution) -> None:
         return
     if solution.is_late:
         reason = Message("{0}, and nothing better was found in {1:g} s", reason, BUDGET)
-    raise AimError("Not taken, because {0}: {1}", reason, _remedy(camera, inputs))
+    raise UserError("Not taken, because {0}: {1}", reason, _remedy(camera, inputs))
 
 
 def _missed(camera, inputs: AimInputs, found: Judgement) -> Message | None:

@@ -13,10 +13,10 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ...shading.picking.frame_handles import TURN
+from ..blender.user_errors import told
 from ..overlays.image_marks import ARM, MARK, RIM, TEXT_GAP, draw_cross, draw_lines, write
-from ..render.render_errors import told
 from ..settings.aim_properties import LARGEST
 from .shown_targets import ShownImage, ShownTarget, shown_image, shown_targets, straight_lines, target_at
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...projection.file_values import LARGEST_LENGTH
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 
 UV_LAYER = "UVMap"
 # Vertices whose UVs differ by less share a grid line: float32 UVs of a line agree to about 1e-7, and no
@@ -17,17 +17,13 @@ UV_LINE_GAP = 1e-4
 UV_CELL_TOLERANCE = 1e-2
 
 
-class SurfaceError(TemplateError):
-    """An object cannot be read as a control surface of its kind; the message has the remedy."""
-
-
 def checked_grid(points) -> np.ndarray:
-    """The points (rows, columns, 3) of a grid as float64, or a SurfaceError if no mesh can hold them."""
+    """The points (rows, columns, 3) of a grid as float64, or a UserError if no mesh can hold them."""
     points = np.asarray(points, np.float64)
     if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < 2:
-        raise SurfaceError("A grid needs rows × columns × 3 numbers, at least 2 × 2, got {0}", points.shape)
+        raise UserError("A grid needs rows × columns × 3 numbers, at least 2 × 2, got {0}", points.shape)
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError("A grid's points must be numbers up to {0:g}", LARGEST_LENGTH)
+        raise UserError("A grid's points must be numbers up to {0:g}", LARGEST_LENGTH)
     return points
 
 
@@ -53,14 +49,14 @@ def write_grid(mesh, points) -> None:
 def grid_points(evaluated_object):
     """The vertices of an evaluated mesh in the order of its UV map, (rows, columns, 3) float64, own space.
 
-    Raises SurfaceError unless they are a regular grid that fills the UV square.
+    Raises UserError unless they are a regular grid that fills the UV square.
     """
     name = evaluated_object.name
     mesh = evaluated_object.to_mesh()
     try:
         layer = uv_layer(mesh)
         if not mesh.vertices or layer is None:
-            raise SurfaceError("'{0}' has no vertices with a UV map: a grid surface needs both", name)
+            raise UserError("'{0}' has no vertices with a UV map: a grid surface needs both", name)
         points = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", points)
         corners = np.empty(len(mesh.loops), np.int32)
@@ -74,9 +70,9 @@ def grid_points(evaluated_object):
 
 
 def require_finite(name: str, points) -> None:
-    """Raise SurfaceError if vertices, an array of any shape, are NaN, infinite or too far away."""
+    """Raise UserError if vertices, an array of any shape, are NaN, infinite or too far away."""
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has vertices that are not finite or farther out than {1:g}: look for the "
             "modifier or shape key that moves them there",
             name,
@@ -99,16 +95,16 @@ def _grid_order(name: str, count: int, corners, uv):
     of_vertex = np.full((count, 2), np.nan)
     of_vertex[corners] = uv
     if not np.isfinite(of_vertex).all():
-        raise SurfaceError("'{0}' has loose vertices or broken UVs: every vertex must belong to a face", name)
+        raise UserError("'{0}' has loose vertices or broken UVs: every vertex must belong to a face", name)
     if np.abs(of_vertex[corners] - uv).max() > UV_LINE_GAP:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has a seam in its UV map: a grid surface needs one UV for each vertex; or "
             "make it a UV Mesh",
             name,
         )
     columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
     if min(rows, columns) < 2 or rows * columns != count:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' is not a regular grid: its UV map has {1} × {2} places for {3} vertices; "
             "make it a UV Mesh",
             name,
@@ -121,7 +117,7 @@ def _grid_order(name: str, count: int, corners, uv):
     index = (nearest[:, 1] * columns + nearest[:, 0]).astype(np.int64)
     even = np.abs(place - nearest).max() < UV_CELL_TOLERANCE
     if not even or not np.array_equal(np.sort(index), np.arange(count)):
-        raise SurfaceError(
+        raise UserError(
             "'{0}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular "
             "grid, or make it a UV Mesh",
             name,

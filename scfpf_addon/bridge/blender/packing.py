@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 
 # Blender counts the bytes of a packed file in 31 bits and cuts off larger files without an error.
 LARGEST_FILE = 2**31

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 
 # Blender's way to put objects of one scene into another one.
 LINK_MENU = "Object > Link/Transfer Data > Link Objects to Scene"

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import NoReturn
 
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
 SURFACES, MAPPINGS, AIM_TARGETS, LAYERS = "surfaces", "mappings", "aim_targets", "layers"
@@ -25,12 +25,8 @@ ACTIVE = {
 }
 
 
-class SlotError(TemplateError):
-    """Blender can neither move nor remove an item of a list; the message has the reason and the remedy."""
-
-
 def require_own_items(settings, *names: str) -> None:
-    """Raise SlotError if lists of ``Object.scfpf`` have items that cannot be removed.
+    """Raise UserError if lists of ``Object.scfpf`` have items that cannot be removed.
 
     A library override can move and remove only the items that it has added to those of its file.
     """
@@ -41,7 +37,7 @@ def require_own_items(settings, *names: str) -> None:
 
 
 def _refuse(settings) -> NoReturn:
-    raise SlotError(
+    raise UserError(
         "'{0}' is a library override: surfaces, mappings, targets and layers of its file "
         "can be neither moved nor removed here; make the camera local (Object > Relations "
         "> Make Local), or edit that file",
@@ -52,7 +48,7 @@ def _refuse(settings) -> NoReturn:
 def move_slot(settings, index: int, place: int, name: str = SURFACES) -> int:
     """Move an item of a list of ``Object.scfpf`` to a place within the list, and make it active.
 
-    name: of the list. Returns the place. Raises SlotError for an item that a library override has from its
+    name: of the list. Returns the place. Raises UserError for an item that a library override has from its
     file.
     """
     slots = getattr(settings, name)
@@ -70,7 +66,7 @@ def move_slot(settings, index: int, place: int, name: str = SURFACES) -> int:
 
 
 def remove_slot(settings, index: int, name: str = SURFACES) -> None:
-    """Remove an item from its list, with its animation. Raises SlotError as ``move_slot`` does."""
+    """Remove an item from its list, with its animation. Raises UserError as ``move_slot`` does."""
     slots = getattr(settings, name)
     order = list(range(len(slots)))
     order.pop(index)
@@ -83,7 +79,7 @@ def remove_slot(settings, index: int, name: str = SURFACES) -> None:
 
 
 def clear_slots(settings, name: str = SURFACES) -> None:
-    """Empty a list, with the animation of all its items. Raises SlotError as ``require_own_items`` does."""
+    """Empty a list, with the animation of all its items. Raises UserError as ``require_own_items`` does."""
     require_own_items(settings, name)
     getattr(settings, name).clear()
     _renumber(settings.id_data, name, {})

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...projection.editing.blending import BlendError
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from .camera_blend import (
     BAKED,
     SECOND_KEY,
@@ -33,14 +33,14 @@ NO_FIELD = "The map of '{0}' cannot be read in frame {1}: choose a map or load i
 def bake_map(camera, scene, start: int, end: int) -> int:
     """Write the map of each frame from ``start`` to ``end`` into shapes. Returns the number of kept frames.
 
-    Before and after these frames the map stays as in the first and the last one. Raises BlendError.
+    Before and after these frames the map stays as in the first and the last one. Raises UserError.
     """
     if not 0 < end - start <= MOST_FRAMES:
-        raise BlendError("Choose an end after the start, at most {0} frames later", MOST_FRAMES)
+        raise UserError("Choose an end after the start, at most {0} frames later", MOST_FRAMES)
     write_field(camera)
     surfaces, now = blend_surfaces(camera), scene.frame_current
     if not surfaces:
-        raise BlendError("'{0}' has no surfaces of a blend: press Update Blend", camera.name)
+        raise UserError("'{0}' has no surfaces of a blend: press Update Blend", camera.name)
     frames = list(range(start, end + 1))
     factors: list[list[Array]] = [[] for _ in surfaces]
     try:
@@ -51,7 +51,7 @@ def bake_map(camera, scene, start: int, end: int) -> int:
             for own, surface in zip(factors, surfaces, strict=True):
                 found = end_weights(camera, surface, fields) if is_known else None
                 if found is None:
-                    raise BlendError(NO_FIELD, camera.name, frame)
+                    raise UserError(NO_FIELD, camera.name, frame)
                 own.append(found)
     finally:
         scene.frame_set(now)

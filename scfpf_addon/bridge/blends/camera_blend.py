@@ -22,8 +22,8 @@ from ...projection.editing.seam_mesh import SeamMesh
 from ...projection.editing.volume_edits import lattice
 from ...projection.surfaces.uv_chart import UVChart
 from ...projection.surfaces.uv_mesh import UVMesh
-from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.user_error import Message
 from ...projection.volume.reparameterisation import Polar
 from ..blender.scene_objects import link_beside
 from ..camera.flexible_camera import NewSurface, replace_surfaces

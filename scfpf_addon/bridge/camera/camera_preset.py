@@ -7,12 +7,11 @@ import re
 
 import numpy as np
 
-from ...projection.editing.volume_edits import EditingError
 from ...projection.presets.preset import Preset, PresetError, load_preset, preset_to_json
 from ...projection.presets.stored_surface import stored_surface
 from ...projection.surfaces.kinds import FILE_KINDS, SURFACE_KINDS
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
-from ..blender.mesh_grid import SurfaceError
 from ..mappings.read_mappings import stored_mappings
 from ..surfaces.surface_object import surface_parameters
 from .read_projection import read_projection, world_to_camera
@@ -26,15 +25,15 @@ ANGLES = {one.name for kind in SURFACE_KINDS.values() for one in kind.parameters
 def preset_of(camera, depsgraph, aspect: float, name: str, description: str = "", group: str = "") -> Preset:
     """The camera's volume and mappings as a preset, as evaluated.
 
-    aspect: of the image. Surfaces that a file cannot hold become grids. Raises PresetError, ProjectionError
-    or MappingError.
+    aspect: of the image. Surfaces that a file cannot hold become grids. Raises PresetError, UserError
+    or UserError.
     """
     projection = read_projection(camera, depsgraph, aspect)
     evaluated = camera.evaluated_get(depsgraph)
     settings, inward = evaluated.scfpf, world_to_camera(evaluated)
     try:
         surfaces = _surfaces(camera, depsgraph, projection.transformed(inward), inward)
-    except EditingError as error:
+    except UserError as error:
         raise PresetError("The volume cannot be saved: {0}", error) from error
     preset = Preset(
         name=name.strip(),
@@ -87,7 +86,7 @@ def _description(obj, depsgraph, inward) -> dict[str, object]:
     seen = obj.evaluated_get(depsgraph)
     try:
         parameters = surface_parameters(seen)
-    except SurfaceError:
+    except UserError:
         return {}
     points = parameters.pop("points", None)
     matrix = inward @ np.array(seen.matrix_world, np.float64)

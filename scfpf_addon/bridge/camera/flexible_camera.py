@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import (
@@ -34,10 +34,6 @@ from .ordinary_camera import frustum
 from .shown_lens import approximate_lens, size_frame
 
 
-class FlexibleCameraError(TemplateError):
-    """An operation is not possible with a camera or an object; the message says what to do."""
-
-
 class NewSurface(NamedTuple):
     """A control surface to be made. kind, parameters, points: as ``surface_object.new_surface`` takes them.
 
@@ -55,7 +51,7 @@ def make_flexible(camera, again: bool = False) -> None:
     """Switch flexible projection on and make the volume object; the surfaces stay unchanged.
 
     again: whether the camera was flexible earlier. If it is the first one of its scenes otherwise, they get
-    the settings of new scenes. Raises FlexibleCameraError if the object is not a camera or cannot be edited.
+    the settings of new scenes. Raises UserError if the object is not a camera or cannot be edited.
     """
     _require_camera(camera)
     if not camera.scfpf.enabled:
@@ -86,28 +82,26 @@ def _scenes_without_others(camera) -> list:
 
 def _require_camera(camera) -> None:
     if camera.type != "CAMERA":
-        raise FlexibleCameraError("'{0}' is not a camera: select a camera object", camera.name)
+        raise UserError("'{0}' is not a camera: select a camera object", camera.name)
     if not camera.is_editable:
-        raise FlexibleCameraError(
-            "'{0}' is linked from another file: make a library override of it first", camera.name
-        )
+        raise UserError("'{0}' is linked from another file: make a library override of it first", camera.name)
 
 
 def editable_surfaces(camera, indices=None) -> list:
     """The control surfaces of a camera, or those at some places of its list, each once.
 
-    Raises FlexibleCameraError for an empty place and for a surface that cannot be edited.
+    Raises UserError for an empty place and for a surface that cannot be edited.
     """
     slots = camera.scfpf.surfaces
     found = []
     for index in range(len(slots)) if indices is None else indices:
         surface = slots[index].object
         if surface is None:
-            raise FlexibleCameraError(
+            raise UserError(
                 "Control surface {0} of '{1}' is empty: remove it from the list", index + 1, camera.name
             )
         if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
-            raise FlexibleCameraError("'{0}' is linked from another file: make it local first", surface.name)
+            raise UserError("'{0}' is linked from another file: make it local first", surface.name)
         if surface not in found:
             found.append(surface)
     return found
@@ -118,7 +112,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
 
     kind, parameters, points: as ``surface_object.new_surface`` takes them. matrix: (4, 4), the surface's own
     space to camera space, by default the identity. index: its place in the list, by default the last.
-    Raises FlexibleCameraError or SurfaceError; then nothing has changed.
+    Raises UserError; then nothing has changed.
     """
     _require_camera(camera)
     _require_room(camera)
@@ -137,7 +131,7 @@ def _place(camera, surface, matrix) -> None:
 
 def _require_room(camera) -> None:
     if len(camera.scfpf.surfaces) >= MAXIMUM_SURFACES:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has {1} control surfaces, the most that a volume may have", camera.name, MAXIMUM_SURFACES
         )
 
@@ -154,7 +148,7 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     An object without a kind gets one: a mesh by its UV map PATCH, GRID or UV_MESH, a SURFACE object NURBS,
-    a lattice LATTICE. Raises FlexibleCameraError for any other object.
+    a lattice LATTICE. Raises UserError for any other object.
     """
     require_attachable(camera, surface)
     _insert(camera, surface)
@@ -165,7 +159,7 @@ def require_attachable(camera, surface) -> None:
     _require_camera(camera)
     _require_room(camera)
     if not may_be_surface(surface):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice",
             surface.name,
         )
@@ -202,7 +196,7 @@ def remove_surface(camera, index: int) -> None:
     """Remove a surface from the list.
 
     Its object is deleted if it is the camera's child and on no other list.
-    Raises FlexibleCameraError if the list has no such place.
+    Raises UserError if the list has no such place.
     """
     _require_camera(camera)
     settings = camera.scfpf
@@ -215,7 +209,7 @@ def remove_surface(camera, index: int) -> None:
 
 def _require_place(camera, index: int) -> None:
     if not 0 <= index < len(camera.scfpf.surfaces):
-        raise FlexibleCameraError("'{0}' has no control surface at place {1}", camera.name, index + 1)
+        raise UserError("'{0}' has no control surface at place {1}", camera.name, index + 1)
 
 
 def move_surface(camera, index: int, step: int) -> int:
@@ -260,12 +254,12 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
 
     preset: projection.presets.preset.Preset. aspect: width / height of the image. scale: multiplies every
     length. Surfaces that are not the camera's children, or are on another camera's list, are only removed
-    from the list. Sets the ordinary lens and clip range as well. Raises FlexibleCameraError, PresetError or
-    SurfaceError.
+    from the list. Sets the ordinary lens and clip range as well. Raises UserError, PresetError or
+    UserError.
     """
     _require_camera(camera)
     if not (math.isfinite(scale) and scale > 0):
-        raise FlexibleCameraError("A preset's scale must be a number above 0, not {0}", scale)
+        raise UserError("A preset's scale must be a number above 0, not {0}", scale)
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     fitted = preset.fitted(aspect)
     replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
@@ -310,7 +304,7 @@ def replace_surfaces(camera, described: list[NewSurface]) -> None:
     try:
         for new in described:
             made.append(surface_object.new_surface(new.name, new.kind, new.parameters, new.points))
-    except surface_object.SurfaceError:
+    except surface_object.UserError:
         for surface in made:
             delete_with_data(surface)
         raise
@@ -324,8 +318,8 @@ def replace_surfaces(camera, described: list[NewSurface]) -> None:
 def volume_from_camera(camera, scene) -> None:
     """Replace the camera's volume by its own frustum, from clip start to clip end.
 
-    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises FlexibleCameraError or
-    FrustumError: a panoramic or custom camera has no frustum.
+    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises UserError: a panoramic
+    or custom camera has no frustum.
     """
     _require_camera(camera)
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
@@ -333,7 +327,7 @@ def volume_from_camera(camera, scene) -> None:
     near, far = frustum(camera, scene)
     sizes = np.linalg.norm(np.array(camera.matrix_world, np.float64)[:3, :3], axis=0)
     if not (np.isfinite(sizes).all() and sizes.min() > 0):
-        raise FlexibleCameraError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
+        raise UserError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
     # The camera object's scale acts on its children but not on its own view.
     undo_scale = np.diag([*(1 / sizes), 1.0])
     planes = [

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.surfaces.surface import Plane
-from ...projection.template_error import TemplateError
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ..blender.scene_objects import missing_text
 
@@ -21,10 +21,6 @@ ROUNDED = 2.0**-21
 # as a share of the image: a fifth of a pixel in an image of 2,000.
 COMPARED = 33
 SAME_VIEW = 1e-4
-
-
-class FrustumError(TemplateError):
-    """A camera has no frustum; the message has the remedy."""
 
 
 class End(NamedTuple):
@@ -38,24 +34,24 @@ class End(NamedTuple):
 def frustum(camera, scene) -> tuple[End, End]:
     """The near and the far end of a camera's frustum, at clip start and clip end.
 
-    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises FrustumError for a
+    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises UserError for a
     panoramic or custom camera, one without depth, and any other object: Blender accepts all types of objects
     as the scene's camera.
     """
     if camera.type != "CAMERA":
         lost = missing_text(camera.original)
         if lost:
-            raise FrustumError(lost)
-        raise FrustumError("'{0}' is not a camera: choose one in the Scene properties", camera.name)
+            raise UserError(lost)
+        raise UserError("'{0}' is not a camera: choose one in the Scene properties", camera.name)
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
-        raise FrustumError(
+        raise UserError(
             "'{0}' is neither a perspective nor an orthographic camera: change its lens type, "
             "or load a panorama from the presets",
             camera.name,
         )
     if lens.clip_start >= lens.clip_end:
-        raise FrustumError("'{0}' ends where it starts: its clip end must exceed its clip start", camera.name)
+        raise UserError("'{0}' ends where it starts: its clip end must exceed its clip start", camera.name)
     # Corners on one plane across the view: top right, bottom right, bottom left, top left.
     frame = np.array(lens.view_frame(scene=scene), np.float64)
     right_top, left_bottom = frame[0], frame[2]
@@ -74,7 +70,7 @@ def frustum(camera, scene) -> tuple[End, End]:
 def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
     """The projection of an ordinary, evaluated camera, in world space.
 
-    aspect: width / height of the image, > 0. Raises FrustumError.
+    aspect: width / height of the image, > 0. Raises UserError.
     """
     place = placement(camera)
     near, far = (
@@ -91,7 +87,7 @@ def is_own_frustum(projection: Projection, camera, depsgraph) -> bool:
     """
     try:
         own = frustum_projection(camera, depsgraph, projection.aspect)
-    except FrustumError:
+    except UserError:
         return False
     surfaces = projection.volume.surfaces
     if replace(projection, volume=own.volume, layers=()) != own or len(surfaces) != 2:
@@ -110,7 +106,7 @@ def is_own_view(projection: Projection, camera, depsgraph) -> bool:
     """
     try:
         own = frustum_projection(camera, depsgraph, projection.aspect)
-    except FrustumError:
+    except UserError:
         return False
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, COMPARED),) * 2))
     if not projection.parameters(x, y).mask.all():
@@ -140,12 +136,12 @@ def depth_plane(place: Array) -> Array:
 def placement(camera) -> Array:
     """Camera space to world space, (4, 4), without the camera's scale, which does not act on its view.
 
-    Raises FrustumError.
+    Raises UserError.
     """
     matrix = np.array(camera.matrix_world, np.float64)
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     if not (np.isfinite(matrix).all() and sizes.min() > 0):
-        raise FrustumError(
+        raise UserError(
             "'{0}' has no finite place or a scale of 0: clear it with Alt-G, Alt-R and Alt-S", camera.name
         )
     matrix[:3, :3] /= sizes

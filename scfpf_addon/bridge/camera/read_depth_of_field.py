@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.scene.depth_of_field import Aperture, DepthOfField, lens_of
 from .stereo_views import Eye, eye_place

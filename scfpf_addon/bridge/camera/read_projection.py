@@ -13,14 +13,13 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
-from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
-from ..blender.mesh_grid import SurfaceError, grid_points, require_finite
+from ..blender.mesh_grid import grid_points, require_finite
 from ..blender.scene_objects import absent_text, is_absent, missing_text
-from ..mappings.mapping_edits import MappingError
 from ..mappings.read_mappings import read_mappings
 from ..surfaces import lattice_object, nurbs_object
 from ..surfaces.kinds import MESH_KINDS
@@ -42,32 +41,23 @@ COINCIDENT = 1e-7
 SAMPLES, MORE_SAMPLES = 5, 64
 
 
-class ProjectionError(TemplateError):
-    """The camera's viewing volume cannot be read; the message says what to do."""
-
-
 def read_projection(camera, depsgraph, aspect: float) -> Projection:
     """The camera's projection as evaluated, in world space, float64.
 
     depsgraph: evaluated, of the viewport or of a render. aspect: width / height of the image, > 0. Raises
-    ProjectionError.
+    UserError.
     """
     if camera.type != "CAMERA":
-        raise ProjectionError("'{0}' is not a camera: select one", camera.name)
+        raise UserError("'{0}' is not a camera: select one", camera.name)
     if not (math.isfinite(aspect) and aspect > 0):
-        raise ProjectionError("The picture has no size: set its resolution in Output Properties")
+        raise UserError("The picture has no size: set its resolution in Output Properties")
     settings = camera.evaluated_get(depsgraph).scfpf
     listed = _listed_surfaces(camera)
     for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
         if start == end:
-            raise ProjectionError(
-                "The {0} range of '{1}' is empty: give it two different ends", axis, camera.name
-            )
+            raise UserError("The {0} range of '{1}' is empty: give it two different ends", axis, camera.name)
     surfaces = [read_surface(surface, camera.original, depsgraph) for surface in listed]
-    try:
-        mappings = read_mappings(camera, depsgraph)
-    except MappingError as error:
-        raise ProjectionError("{0}", error) from error
+    mappings = read_mappings(camera, depsgraph)
     projection = Projection(
         volume=_volume(camera.name, surfaces, settings),
         reparameterisation=seen_through(mappings, reparameterisation(settings.reparameterisation)),
@@ -77,14 +67,14 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     )
     points = _some_projectors(projection)
     if points.shape[2] == 0:
-        raise ProjectionError(
+        raise UserError(
             "'{0}' has no projector: the UV maps of its control surfaces and the ranges of U "
             "and V have no place in common; move islands in the UV Editor, or widen the "
             "ranges",
             camera.name,
         )
     if np.ptp(points, axis=0).max() <= COINCIDENT * np.ptp(points, axis=(0, 2)).max():
-        raise ProjectionError(
+        raise UserError(
             "All control surfaces of '{0}' lie in one place, so that no projector has a length: {1}",
             camera.name,
             _way_out(listed),
@@ -99,18 +89,18 @@ def read_own_projection(camera, depsgraph, aspect: float) -> Projection:
 
 
 def world_to_camera(camera) -> Array:
-    """The (4, 4) matrix from world space to the space of a camera's children. Raises ProjectionError."""
+    """The (4, 4) matrix from world space to the space of a camera's children. Raises UserError."""
     world = np.array(camera.matrix_world, np.float64)
     if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
-        raise ProjectionError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
+        raise UserError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
     return np.linalg.inv(world)
 
 
 def _listed_surfaces(camera) -> list:
-    """The objects on a camera's list, at least two or one lattice. Raises ProjectionError."""
+    """The objects on a camera's list, at least two or one lattice. Raises UserError."""
     slots = camera.original.scfpf.surfaces
     if len(slots) < 2 and not is_lattice_volume(slots):
-        raise ProjectionError(
+        raise UserError(
             "'{0}' has 1 control surface: a viewing volume needs at least two; add one in the camera's "
             "properties or load a preset"
             if slots
@@ -119,7 +109,7 @@ def _listed_surfaces(camera) -> list:
             camera.name,
         )
     if len(slots) > MAXIMUM_SURFACES:
-        raise ProjectionError(
+        raise UserError(
             "'{0}' has {1} control surfaces: a volume may have {2} at most",
             camera.name,
             len(slots),
@@ -127,7 +117,7 @@ def _listed_surfaces(camera) -> list:
         )
     for number, slot in enumerate(slots, 1):
         if slot.object is None:
-            raise ProjectionError(
+            raise UserError(
                 "Control surface {0} of '{1}' is empty: choose an object for it or remove it",
                 number,
                 camera.name,
@@ -183,7 +173,7 @@ def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> 
     first = read[0]
     if len(read) == 1 and isinstance(first, PlacedLattice):
         if len(first.lattice.moved) < 2:
-            raise ProjectionError(
+            raise UserError(
                 "The lattice of '{0}' has one layer: give it two or more points along W, or the "
                 "camera another control surface",
                 name,
@@ -204,27 +194,27 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
     if lost := missing_text(surface):
-        raise ProjectionError("Control surface {0}", lost)
+        raise UserError("Control surface {0}", lost)
     if is_absent(surface, depsgraph.scene):
         lost = absent_text(surface, depsgraph.scene, Message("remove it from the list with -"), camera)
-        raise ProjectionError("Control surface {0}", lost)
+        raise UserError("Control surface {0}", lost)
     if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
-        raise ProjectionError(
+        raise UserError(
             "'{0}' is of type {1}, neither a mesh nor a surface nor a lattice: remove it from "
             "the camera's list",
             name,
             surface.type.title(),
         )
     if surface.type == "SURFACE" and kind not in {"NONE", nurbs_object.KIND}:
-        raise ProjectionError("'{0}' is a surface object: set its kind to {1}", name, nurbs_object.TITLE)
+        raise UserError("'{0}' is a surface object: set its kind to {1}", name, nurbs_object.TITLE)
     if surface.type == "LATTICE" and kind not in {"NONE", lattice_object.KIND}:
-        raise ProjectionError("'{0}' is a lattice: set its kind to {1}", name, lattice_object.TITLE)
+        raise UserError("'{0}' is a lattice: set its kind to {1}", name, lattice_object.TITLE)
     if kind == "NONE":
-        raise ProjectionError(
+        raise UserError(
             "'{0}' is not a control surface: choose its kind, or remove it from the camera's list", name
         )
     if not is_evaluated(camera, surface, depsgraph):
-        raise ProjectionError(
+        raise UserError(
             "Control surface '{0}' is hidden and the camera's volume object is missing or "
             "disabled, so that its present shape is unknown: show it, or press Render, which "
             "restores the volume object",
@@ -232,25 +222,22 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
         )
     evaluated = surface.evaluated_get(depsgraph)
     matrix = _matrix(evaluated)
-    try:
-        if kind == "UV_MESH":
-            return read_uv_mesh(evaluated, matrix)
-        if kind == nurbs_object.KIND:
-            return nurbs_object.read_patch(evaluated, depsgraph.mode).transformed(matrix)
-        if kind == lattice_object.KIND:
-            return PlacedLattice(lattice_object.read_lattice(evaluated), matrix)
-        if kind in MESH_KINDS:
-            points = grid_points(evaluated)
-            require_finite(name, points)
-            return _of_mesh(points, kind, matrix)
-        if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
-            return read_reshaped(evaluated, matrix)
-        parameters = surface_parameters(evaluated)
-    except SurfaceError as error:
-        raise ProjectionError("{0}", error) from error
+    if kind == "UV_MESH":
+        return read_uv_mesh(evaluated, matrix)
+    if kind == nurbs_object.KIND:
+        return nurbs_object.read_patch(evaluated, depsgraph.mode).transformed(matrix)
+    if kind == lattice_object.KIND:
+        return PlacedLattice(lattice_object.read_lattice(evaluated), matrix)
+    if kind in MESH_KINDS:
+        points = grid_points(evaluated)
+        require_finite(name, points)
+        return _of_mesh(points, kind, matrix)
+    if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
+        return read_reshaped(evaluated, matrix)
+    parameters = surface_parameters(evaluated)
     for key, value in parameters.items():
         if not math.isfinite(value):
-            raise ProjectionError(
+            raise UserError(
                 "The {0} of '{1}' is not finite: check its animation and drivers", key.replace("_", " "), name
             )
     return surface_from_parameters(kind, parameters, None, matrix)
@@ -268,14 +255,14 @@ def _matrix(evaluated):
     name = evaluated.name
     matrix = np.array(evaluated.matrix_world, np.float64)
     if not (np.abs(matrix) < LARGEST_COORDINATE).all():
-        raise ProjectionError(
+        raise UserError(
             "The location, rotation or scale of '{0}' is not finite or far too large: clear "
             "it with Alt-G, Alt-R and Alt-S",
             name,
         )
     sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if evaluated.scfpf_surface.kind != "POINT" and sizes[-1] <= FLAT_SHARE * sizes[0]:
-        raise ProjectionError(
+        raise UserError(
             "'{0}' has no size along at least one axis: no scale, its own or a parent's, may be 0", name
         )
     return matrix

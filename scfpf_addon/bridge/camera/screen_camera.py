@@ -12,10 +12,11 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ...projection.user_error import UserError
 from ..blender.modifier_inputs import input_identifiers, set_inputs
 from ..blender.node_builder import NodeBuilder
 from ..surfaces.uv_mesh import read_uv_mesh
-from .flexible_camera import FlexibleCameraError, NewSurface, make_flexible, replace_surfaces
+from .flexible_camera import NewSurface, make_flexible, replace_surfaces
 
 GROUP_NAME = "SCFPF Screen Surface"
 # The group's inputs, by name.
@@ -29,7 +30,7 @@ ON_SCREEN = 1e-4
 
 
 def screen_points(screen, depsgraph):
-    """The vertices of a screen in world space, (3, N). Raises SurfaceError if it cannot be a UV mesh."""
+    """The vertices of a screen in world space, (3, N). Raises UserError if it cannot be a UV mesh."""
     evaluated = screen.evaluated_get(depsgraph)
     return read_uv_mesh(evaluated, np.array(evaluated.matrix_world, np.float64)).hull()
 
@@ -46,13 +47,13 @@ def volume_from_screen(camera, screen, points, scene_corners) -> None:
     """Replace a camera's volume by what can be seen through a screen from the camera's place.
 
     points: (3, N), the screen's vertices. scene_corners: (M, 3), which the volume reaches beyond. Both in
-    world space. Raises FlexibleCameraError if the camera stands on the screen.
+    world space. Raises UserError if the camera stands on the screen.
     """
     eye = np.array(camera.matrix_world.translation, np.float64)
     distances = np.linalg.norm(points - eye[:, None], axis=0)
     nearest = float(distances.min())
     if nearest <= ON_SCREEN * float(np.ptp(points, axis=1).max()):
-        raise FlexibleCameraError(
+        raise UserError(
             "The eye is on '{0}': move the camera or empty that is the eye, or the 3D cursor, away",
             screen.name,
         )

@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import camera_behind
 from .ordinary_camera import depth_plane, is_own_view, placement
@@ -29,10 +29,6 @@ EYES: dict[str, Eye] = {"left": "LEFT", "right": "RIGHT"}
 SPHERICAL_TYPES = {"PERSP", "PANO", "CUSTOM"}
 
 
-class MultiViewError(TemplateError):
-    """A view that cannot be rendered; the message says what to do."""
-
-
 def eye_of(render, view: str) -> Eye:
     """Return the eye that a view of a scene is for, "" unless the scene has Stereo 3D.
 
@@ -44,12 +40,12 @@ def eye_of(render, view: str) -> Eye:
 def view_camera(chosen, render):
     """Return the camera of a view for which Blender has chosen an object.
 
-    A Cycles rig's camera stands for the flexible one. Raises MultiViewError for a rig while views have
+    A Cycles rig's camera stands for the flexible one. Raises UserError for a rig while views have
     cameras of their own: Blender finds these by their names, and the rig's camera has another name.
     """
     camera = camera_behind(chosen)
     if camera != chosen and render.use_multiview and render.views_format == "MULTIVIEW":
-        raise MultiViewError(
+        raise UserError(
             "The views have no cameras of their own while '{0}' renders with Cycles: press "
             "Remove Cycles Setup",
             camera.name,
@@ -60,7 +56,7 @@ def view_camera(chosen, render):
 def seen_by(camera, eye: Eye) -> Array:
     """Return the affine (4, 4) matrix, in world space, that turns an evaluated camera's volume into an eye's.
 
-    Raises FrustumError for a camera without a finite place.
+    Raises UserError for a camera without a finite place.
     """
     place = placement(camera)
     return place @ eye_matrix(camera, eye) @ np.linalg.inv(place)

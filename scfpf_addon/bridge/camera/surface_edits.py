@@ -9,10 +9,11 @@ import numpy as np
 from ...projection.editing.nurbs_edits import CUBIC, patch_near, refined
 from ...projection.editing.resolution import change, grid_within, patch_within
 from ...projection.editing.respacing import equalised
-from ...projection.editing.volume_edits import EditingError, lattice, sampled
+from ...projection.editing.volume_edits import lattice, sampled
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.viewing_volume import ViewingVolume
 from ..blender.mesh_grid import checked_grid, grid_points, write_grid
@@ -24,13 +25,7 @@ from ..surfaces.surface_object import surface_parameters
 from ..surfaces.uv_mesh import read_uv_mesh
 from ..volume import edit_mode
 from ..volume.camera_members import cameras_with
-from .flexible_camera import (
-    FlexibleCameraError,
-    NewSurface,
-    editable_surfaces,
-    make_flexible,
-    replace_surfaces,
-)
+from .flexible_camera import NewSurface, editable_surfaces, make_flexible, replace_surfaces
 from .read_projection import PlacedLattice, read_own_projection, read_surface
 from .shown_lens import approximate_lens
 
@@ -63,7 +58,7 @@ PLACEMENT = (
 
 
 def _require_plain_points(surface) -> None:
-    """Raise FlexibleCameraError if something refers to points by their numbers, which new points change."""
+    """Raise UserError if something refers to points by their numbers, which new points change."""
     for exists, what in (
         (surface.data.shape_keys is not None, "shape keys"),
         (bool(surface.vertex_groups), "vertex groups"),
@@ -71,7 +66,7 @@ def _require_plain_points(surface) -> None:
         (has_other_animation(surface.data), "animated points"),
     ):
         if exists:
-            raise FlexibleCameraError(
+            raise UserError(
                 "'{0}' has {1}, which new points would lose: apply or remove them first", surface.name, what
             )
 
@@ -89,10 +84,10 @@ def own_shape(surface) -> ControlSurface:
 
 
 def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
-    """A surface in its own space as evaluated, with modifiers. Raises FlexibleCameraError for a lattice."""
+    """A surface in its own space as evaluated, with modifiers. Raises UserError for a lattice."""
     read = read_surface(surface, camera, depsgraph)
     if isinstance(read, PlacedLattice):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' is a lattice, which is several control surfaces: choose another one", surface.name
         )
     world = np.array(surface.evaluated_get(depsgraph).matrix_world, np.float64)
@@ -106,16 +101,14 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
     ``projection.editing.resolution.grid_within``. Further modifiers stay and act on the grid; those of a
     surface patch are applied. Returns the greatest change of the surface as a share of its size. It is 0
     (float32) for planes and patches, and falls as the square of the resolution for curved kinds. Raises
-    FlexibleCameraError, and EditingError for holes.
+    UserError for holes.
     """
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == "GRID":
-        raise FlexibleCameraError("'{0}' is a grid already", surface.name)
+        raise UserError("'{0}' is a grid already", surface.name)
     if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
-        raise FlexibleCameraError(
-            "'{0}' cannot become a grid: choose a surface that is not a lattice", surface.name
-        )
+        raise UserError("'{0}' cannot become a grid: choose a surface that is not a lattice", surface.name)
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)
     else:
@@ -132,7 +125,7 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
 
 def _require_one_island(surface, shape: ControlSurface) -> None:
     if len(np.unique(shape.evaluate(*lattice(ISLAND_SAMPLES, ISLAND_SAMPLES)).tile)) > 1:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has several islands in its UV map, and a grid is one: stitch them, or keep the UV mesh",
             surface.name,
         )
@@ -159,7 +152,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     """
     owners = (surface, surface.data, surface.data.shape_keys)
     if surface.constraints or any(has_other_animation(owner) for owner in owners if owner is not None):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has constraints or animation, which the new object would not have: apply "
             "or remove them first",
             surface.name,
@@ -196,14 +189,14 @@ def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, sha
     columns, rows: control points, at least 4 each; 0 in either for as many as keep the change below a share
     of the surface's size. A grid keeps its own. Returns the greatest change as a share of the size. It is 0
     (float32) for planes, patches and grids, and falls as the fourth power of the number of points for others.
-    Raises FlexibleCameraError, and EditingError for holes.
+    Raises UserError for holes.
     """
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == nurbs_object.KIND:
-        raise FlexibleCameraError("'{0}' is a {1} already", surface.name, nurbs_object.TITLE)
+        raise UserError("'{0}' is a {1} already", surface.name, nurbs_object.TITLE)
     if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' cannot become a surface patch: choose a surface that is not a lattice", surface.name
         )
     shape = _evaluated_shape(camera, surface, depsgraph)
@@ -221,21 +214,19 @@ def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, sha
 def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, int]:
     """Halve the pieces of a patch, grid or surface patch along u, v or both; the shape stays.
 
-    Returns the control points along u and v. A patch becomes a grid. Raises FlexibleCameraError, and
-    EditingError for a surface patch whose knots Blender cannot refine.
+    Returns the control points along u and v. A patch becomes a grid. Raises UserError for
+    a surface patch whose knots Blender cannot refine.
     """
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == lattice_object.KIND:
-        raise FlexibleCameraError(
-            "'{0}' is a lattice: set its points in its Object Data properties", surface.name
-        )
+        raise UserError("'{0}' is a lattice: set its points in its Object Data properties", surface.name)
     if kind not in {"PATCH", "GRID", nurbs_object.KIND}:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has no control points to subdivide: convert it to a grid or a patch first", surface.name
         )
     if not (along_u or along_v):
-        raise FlexibleCameraError("Choose a direction to subdivide in: U, V or both")
+        raise UserError("Choose a direction to subdivide in: U, V or both")
     _require_plain_points(surface)
     if kind == nurbs_object.KIND:
         patch = refined(nurbs_object.own_patch(surface), along_u, along_v)
@@ -245,9 +236,7 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
     rows, columns = (count - 1 for count in grid_points(surface).shape[:2])
     columns, rows = columns * (1 + along_u), rows * (1 + along_v)
     if max(columns, rows) > MOST_FACES:
-        raise FlexibleCameraError(
-            "'{0}' would have more than {1} faces along an axis", surface.name, MOST_FACES
-        )
+        raise UserError("'{0}' would have more than {1} faces along an axis", surface.name, MOST_FACES)
     _become_grid(camera, surface, sampled(own_shape(surface), columns + 1, rows + 1))
     return columns + 1, rows + 1
 
@@ -261,11 +250,9 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
-        raise FlexibleCameraError("'{0}' cannot be equalized: choose another control surface", surface.name)
+        raise UserError("'{0}' cannot be equalized: choose another control surface", surface.name)
     if kind == "POINT":
-        raise FlexibleCameraError(
-            "'{0}' is a point, which has no steps: choose another control surface", surface.name
-        )
+        raise UserError("'{0}' is a point, which has no steps: choose another control surface", surface.name)
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)
     else:
@@ -283,7 +270,7 @@ def convert_to_lattice(
     """Replace the camera's volume by one lattice of (W, V, U) points with the same Q(u, v, t) at them.
 
     Returns the greatest change of the volume as a share of its size: 0 (float32) for straight projectors
-    between flat surfaces and a linear lattice. Raises FlexibleCameraError, ProjectionError, EditingError.
+    between flat surfaces and a linear lattice. Raises UserError.
     """
     projection = read_own_projection(camera, depsgraph, aspect)
     volume = projection.volume
@@ -314,8 +301,8 @@ def _lattice_places(shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
 
 
 def _positions(volume: ViewingVolume, u: Array, v: Array, t: Array) -> Array:
-    """Q(u, v, t), (3, N). Raises EditingError where a control surface has a hole."""
+    """Q(u, v, t), (3, N). Raises UserError where a control surface has a hole."""
     controls = volume.controls(u, v)
     if not controls.valid.all():
-        raise EditingError("A control surface has holes, which a lattice cannot have: fill them first")
+        raise UserError("A control surface has holes, which a lattice cannot have: fill them first")
     return volume.evaluate_controls(controls, t).position

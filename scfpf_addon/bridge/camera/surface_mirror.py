@@ -9,12 +9,13 @@ from functools import partial
 import numpy as np
 from mathutils import Matrix
 
-from ...projection.editing.volume_edits import EditingError, mirrored
+from ...projection.editing.volume_edits import mirrored
+from ...projection.user_error import UserError
 from ..blender.rig_mark import has_other_animation
 from ..surfaces import lattice_object, nurbs_object
 from ..surfaces.kinds import BLENDER_KINDS, MESH_KINDS, PARAMETRIC_KINDS
 from ..surfaces.surface_object import set_surface_parameters, surface_parameters
-from .flexible_camera import FlexibleCameraError, editable_surfaces
+from .flexible_camera import editable_surfaces
 from .surface_scale import is_changed_otherwise
 
 # A matrix is sheared, which an object cannot store, if it differs by more from its location, rotation and
@@ -26,8 +27,8 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
 
     Meshes keep their shape and get their UV map mirrored. Surface patches and lattices get their points in
-    reverse order, parametric kinds a negative scale or exchanged ends. Raises FlexibleCameraError or
-    SurfaceError, before anything is changed, if a surface cannot be mirrored.
+    reverse order, parametric kinds a negative scale or exchanged ends. Raises
+    UserError, before anything is changed, if a surface cannot be mirrored.
     """
     mirrors = [_mirror_of(surface, depsgraph, axis) for surface in editable_surfaces(camera, indices)]
     for mirror in mirrors:
@@ -38,7 +39,7 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
     """A function that mirrors a surface. Raises the errors of ``mirror_surfaces``."""
     kind = surface.scfpf_surface.kind
     if surface.type != (BLENDER_KINDS[kind].object_type if kind in BLENDER_KINDS else "MESH"):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' is of type {1}, not of its kind: choose another kind first",
             surface.name,
             surface.type.title(),
@@ -48,7 +49,7 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
         return partial(nurbs_object.reorder, surface, order, axis)
     if kind == lattice_object.KIND:
         if surface.modifiers or surface.data.shape_keys is not None or has_other_animation(surface):
-            raise FlexibleCameraError(
+            raise UserError(
                 "'{0}' has modifiers, shape keys or animation that would not be mirrored: apply "
                 "or remove them first",
                 surface.name,
@@ -57,11 +58,11 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
     if kind in PARAMETRIC_KINDS:
         return _parametric_mirror(surface, depsgraph, axis)
     if kind not in MESH_KINDS:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' cannot be mirrored: choose another kind of control surface first", surface.name
         )
     if surface.data.uv_layers.active is None:
-        raise FlexibleCameraError("'{0}' has no UV map: unwrap it as a regular grid", surface.name)
+        raise UserError("'{0}' has no UV map: unwrap it as a regular grid", surface.name)
     return partial(_mirror_uv, surface, "UV".index(axis))
 
 
@@ -70,18 +71,18 @@ def _parametric_mirror(surface, depsgraph, axis: str) -> Callable[[], None]:
     if kind == "POINT":
         return lambda: None
     if is_changed_otherwise(surface):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has modifiers or animation that would not be mirrored: convert it to a grid first",
             surface.name,
         )
     parameters = surface_parameters(surface.evaluated_get(depsgraph))
     try:
         matrix, parameters = mirrored(kind, parameters, axis)
-    except EditingError as error:
-        raise FlexibleCameraError("'{0}': {1}", surface.name, error) from error
+    except UserError as error:
+        raise UserError("'{0}': {1}", surface.name, error) from error
     placed = surface.matrix_basis @ Matrix(matrix.tolist())
     if not np.allclose(placed, Matrix.LocRotScale(*placed.decompose()), rtol=SHEAR, atol=SHEAR):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' is scaled unevenly and cannot be mirrored: apply its scale, or convert it to a grid first",
             surface.name,
         )

@@ -12,13 +12,14 @@ import math
 import numpy as np
 from mathutils import Matrix
 
-from ...projection.editing.volume_edits import EditingError, scaled
+from ...projection.editing.volume_edits import scaled
 from ...projection.file_values import LARGEST_LENGTH
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ..blender.rig_mark import has_other_animation
 from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.surface_object import is_reshaped, set_surface_parameters, surface_parameters
-from .flexible_camera import FlexibleCameraError, editable_surfaces
+from .flexible_camera import editable_surfaces
 
 # A scale that differs from 1 by less counts as 1. Float32 products of rotations are exact to about 1e-6, and
 # in an image of 16,384 pixels this share is a sixth of a pixel.
@@ -42,7 +43,7 @@ def is_scaled(surface) -> bool:
 def world_sizes(surface) -> list[tuple[str, float]]:
     """The lengths of a parametric surface in the world, (label, Blender units).
 
-    Raises EditingError if its scale changes its kind, such as a sphere into an ellipsoid, and SurfaceError
+    Raises UserError if its scale changes its kind, such as a sphere into an ellipsoid, and UserError
     if its node group is gone.
     """
     kind = PARAMETRIC_KINDS[surface.scfpf_surface.kind]
@@ -66,7 +67,7 @@ def apply_scale(camera, index: int) -> None:
 
     That includes the scale of its parents and of the parent inverse, which then undoes the parents'.
     Blender's own Apply Scale cannot do that: without its modifier the surface's mesh is empty. Raises
-    FlexibleCameraError, before anything is changed.
+    UserError, before anything is changed.
     """
     (surface,) = editable_surfaces(camera, [index])
     factors = whole_scale(surface)
@@ -88,27 +89,25 @@ def apply_scale(camera, index: int) -> None:
 
 
 def _scaled_parameters(surface, factors: Array) -> dict[str, float]:
-    """The parameters of a surface whose scale can become sizes. Raises FlexibleCameraError."""
+    """The parameters of a surface whose scale can become sizes. Raises UserError."""
     kind = surface.scfpf_surface.kind
     if kind not in PARAMETRIC_KINDS:
-        raise FlexibleCameraError(
-            "'{0}' has points: apply its scale with Object > Apply > Scale", surface.name
-        )
+        raise UserError("'{0}' has points: apply its scale with Object > Apply > Scale", surface.name)
     if not _is_fixed(surface):
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' has modifiers, constraints or animation, which another scale would change: "
             "convert it to a grid first",
             surface.name,
         )
     try:
         parameters = scaled(kind, surface_parameters(surface), factors)
-    except EditingError as error:
-        raise FlexibleCameraError("'{0}': {1}", surface.name, error) from error
+    except UserError as error:
+        raise UserError("'{0}': {1}", surface.name, error) from error
     if factors.min() == 0.0:
-        raise FlexibleCameraError("'{0}' has a scale of 0: clear it with Alt-S", surface.name)
+        raise UserError("'{0}' has a scale of 0: clear it with Alt-S", surface.name)
     axes = np.array(surface.matrix_world, np.float64)[:3, :3] / factors
     if np.abs(axes.T @ axes - np.eye(3)).max() > SHEAR:
-        raise FlexibleCameraError(
+        raise UserError(
             "'{0}' is sheared, as its parents are scaled unevenly: convert it to a grid first", surface.name
         )
     return parameters

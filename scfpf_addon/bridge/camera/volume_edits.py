@@ -8,6 +8,7 @@ from typing import NamedTuple
 from mathutils import Matrix, Vector
 
 from ...projection.editing.volume_edits import inserted
+from ...projection.user_error import UserError
 from ..blender.scene_objects import link_beside
 from ..blender.slot_animation import SURFACES, move_slot, require_own_items
 from ..mappings.mapping_edits import own_mapping_data
@@ -17,7 +18,6 @@ from ..surfaces.surface_object import surface_parameters
 from ..volume.camera_members import all_cameras, cameras_with
 from ..volume.volume_object import sync_volume_object
 from .flexible_camera import (
-    FlexibleCameraError,
     add_surface,
     attach_surface,
     editable_surfaces,
@@ -44,15 +44,13 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
 
     In a polyline it follows the surface at ``index``, and the others stay. With another basis the inner
     surfaces are replaced; near and far stay. Returns whether all new surfaces are exact; the others are grids
-    of cells × cells faces. Raises FlexibleCameraError, EditingError, ProjectionError or SurfaceError; then
+    of cells × cells faces. Raises UserError; then
     nothing has changed.
     """
     volume = read_own_projection(camera, depsgraph, aspect).volume
     slots = camera.scfpf.surfaces
     if any(surface.scfpf_surface.kind == lattice_object.KIND for surface in editable_surfaces(camera)):
-        raise FlexibleCameraError(
-            "A lattice stands for several control surfaces: give it more points along W instead"
-        )
+        raise UserError("A lattice stands for several control surfaces: give it more points along W instead")
     insertion = inserted(volume, index, cells)
     if insertion.replaced:
         require_own_items(camera.scfpf, SURFACES)
@@ -67,7 +65,7 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
                 points=shape.points,
                 index=place,
             )
-    except ValueError:
+    except Exception:
         while len(slots) > len(volume.surfaces):
             remove_surface(camera, first)
         raise

@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...projection.user_error import UserError
 from ...projection.volume.inverse import invert
 from ...projection.volume.reparameterisation import cropped_ranges
-from .flexible_camera import FlexibleCameraError, editable_surfaces
+from .flexible_camera import editable_surfaces
 from .read_projection import read_own_projection
 from .shown_lens import approximate_lens
 from .surface_scale import grow
@@ -31,7 +32,7 @@ def move_volume(camera, matrix) -> None:
     """Apply an affine (4, 4) matrix in camera space to every surface.
 
     This changes the parent inverse: animation and modifiers act as before, and a shear is kept. Raises
-    FlexibleCameraError for a surface that is not a child of the camera.
+    UserError for a surface that is not a child of the camera.
     """
     move = Matrix(np.asarray(matrix, np.float64).tolist())
     for surface in _children(camera):
@@ -39,11 +40,11 @@ def move_volume(camera, matrix) -> None:
 
 
 def _children(camera) -> list:
-    """The surfaces of a camera. Raises FlexibleCameraError if one is not its child."""
+    """The surfaces of a camera. Raises UserError if one is not its child."""
     surfaces = editable_surfaces(camera)
     for surface in surfaces:
         if surface.parent != camera or surface.parent_type != "OBJECT":
-            raise FlexibleCameraError(
+            raise UserError(
                 "'{0}' is not a child of '{1}': parent it to the camera (Ctrl-P) first",
                 surface.name,
                 camera.name,
@@ -60,11 +61,11 @@ def needs_fit(camera, aspect: float) -> bool:
 def fit_to_image(camera, depsgraph, aspect: float) -> None:
     """Stretch the volume along the image's width or height, or crop its ranges, to an image's aspect.
 
-    Raises FlexibleCameraError or ProjectionError; then nothing has changed.
+    Raises UserError; then nothing has changed.
     """
     settings = camera.scfpf
     if settings.fit == "NONE":
-        raise FlexibleCameraError(
+        raise UserError(
             "The volume of '{0}' does not depend on the picture's shape: choose Width, Height "
             "or Crop for Fit first",
             camera.name,
@@ -90,7 +91,7 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
 
     corners: (8, 3), world space. The volume gets the smallest scale at which it holds all corners, its middle
     in the middle of the box. Parametric surfaces without animation change their sizes, others their parent
-    inverse. The ordinary lens is set as well. Raises FlexibleCameraError or ProjectionError.
+    inverse. The ordinary lens is set as well. Raises UserError.
     """
     surfaces = _children(camera)
     projection = read_own_projection(camera, depsgraph, aspect)
@@ -107,10 +108,10 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
 
     size, reach = float(np.abs(ends - middle).max()), float(np.abs(around).max())
     if size == 0 or reach == 0:
-        raise FlexibleCameraError("The volume or the selection has no size: there is nothing to fit")
+        raise UserError("The volume or the selection has no size: there is nothing to fit")
     scale = _least_scale(holds, FIRST_SHARE * reach / size)
     if scale is None:
-        raise FlexibleCameraError(
+        raise UserError(
             "The volume of '{0}' holds nothing around its middle: it is flat or folded there", camera.name
         )
     sizes = np.diag([scale, scale, scale, 1.0])

@@ -10,14 +10,14 @@ import numpy as np
 
 from ...casting.common.geometry import Geometry
 from ...projection.mappings.stack import seen_through
-from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import absent_text
-from ..camera.ordinary_camera import FrustumError, frustum_projection
-from ..camera.read_projection import ProjectionError, read_projection
+from ..camera.ordinary_camera import frustum_projection
+from ..camera.read_projection import read_projection
 from ..camera.stereo_views import Eye, eye_place, own_depth_plane, seen_by
 from ..scene.read_materials import listing
 
@@ -65,7 +65,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
     """Read the layers of a camera that are switched on and complete.
 
     aspect: of the image. eye: of a stereoscopic scene; each layer's camera has its own two. Raises
-    ProjectionError, with the layer's name.
+    UserError, with the layer's name.
     """
     evaluated = camera.evaluated_get(depsgraph)
     place = np.array(eye_place(evaluated, eye)[:3, 3], np.float64) if evaluated.scfpf.layers else None
@@ -81,8 +81,8 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         frame = Framed(*map(tuple, (state.position, state.size)))
         try:
             projection, plane = _view(own.camera, frame, depsgraph, aspect, eye)
-        except (ProjectionError, FrustumError) as error:
-            raise ProjectionError("Layer '{0}': {1}", own.name, error) from error
+        except UserError as error:
+            raise UserError("Layer '{0}': {1}", own.name, error) from error
         mask = None if own.mask is None else mask_pixels(own.mask)
         if mask is None and own.mask is not None:
             warnings.append(
@@ -122,10 +122,10 @@ def lacking(layer) -> str:
 def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> tuple[Projection, Array | None]:
     """The projection of a layer's camera in a frame of the image, and its plane of depth.
 
-    Raises ProjectionError or FrustumError.
+    Raises UserError.
     """
     if lost := absent_text(camera, depsgraph.scene, Message("choose another camera under Seen By")):
-        raise ProjectionError(lost)
+        raise UserError(lost)
     evaluated = camera.evaluated_get(depsgraph)
     own_aspect = aspect * frame.size[0] / frame.size[1]
     if camera.scfpf.enabled:

@@ -41,7 +41,7 @@ class KeptScene:
         self.wholes = self.parts = 0
 
     def updated(self, placements: Placements) -> LiveScene:
-        """The scene of these placements. Raises CastError and SceneError."""
+        """The scene of these placements. Raises CastError and UserError."""
         with self._lock:
             if self._scene is None or self._whole is None:
                 return self._build(placements)
@@ -98,7 +98,7 @@ def _triangle_count(places: Placements) -> int:
 
 
 def _joined(placements: Placements) -> tuple[Geometry, dict[tuple[int, ...], slice]]:
-    """One geometry of placements, whose materials are looks; and the triangles of each. Raises SceneError."""
+    """One geometry of placements, whose materials are looks; and the triangles of each. Raises UserError."""
     mesh_numbers: dict[int, int] = {}
     look_numbers: dict[tuple[int, int, int], int] = {}
     meshes, pairs = [], []

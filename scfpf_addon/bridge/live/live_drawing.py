@@ -10,8 +10,8 @@ import gpu
 from bpy.app.handlers import persistent
 
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ..blender.user_errors import failure_message
 from ..overlays.image_marks import draw_cross
-from ..render.render_errors import failure_message
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.view_painter import Rectangle
 from .live_painter import LiveImage

@@ -148,7 +148,7 @@ class LiveObjects:
     def read(self, depsgraph, space=None, attributes: Attributes | None = None) -> Placements:
         """The placements of the objects that a viewport and renders show.
 
-        space: bpy.types.SpaceView3D, or None for all objects that viewports show. Raises SceneError.
+        space: bpy.types.SpaceView3D, or None for all objects that viewports show. Raises UserError.
         """
         wanted = attributes or self._attributes
         if wanted != self._attributes:

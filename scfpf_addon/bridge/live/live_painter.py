@@ -18,7 +18,7 @@ from ...shading.live.cast_live import LiveProjection, LiveWindow, cast_live
 from ...shading.live.live_hits import LiveHits
 from ...shading.live.live_image import Paint
 from ...shading.typing import Single
-from ..render.render_errors import NO_THREAD, failure_message
+from ..blender.user_errors import NO_THREAD, failure_message
 from ..render.view_painter import Rectangle
 from .kept_scene import KeptScene
 from .live_objects import Placements

@@ -90,7 +90,7 @@ class LiveView:
         """Ask for images if anything has changed; return whether that was so.
 
         frame: the camera's in the viewport. window: the part of it to show, which is drawn in ``rectangle``.
-        Raises one of RENDER_ERRORS.
+        Raises USER_ERRORS.
         """
         source = self.source = source_of(depsgraph, space)
         placements, look = read_scene(source, depsgraph, camera, frame.width, space, rectangle)
@@ -109,7 +109,7 @@ class LiveView:
         """Make an image of a camera at once, (H, W, 4), without a viewport.
 
         size: of the viewport's frame in pixels. step: pixels of the frame across one of the image. Raises one
-        of RENDER_ERRORS.
+        of USER_ERRORS.
         """
         source = self.source = source_of(depsgraph)
         aspect = shown_aspect(depsgraph.scene_eval.render, *size)
@@ -144,7 +144,7 @@ def read_scene(
 
     width: of the camera's frame, pixels. space: bpy.types.SpaceView3D, or None for the look of the scene's
     Workbench renders. rectangle: of the
-    image in the region that is drawn. Raises SceneError.
+    image in the region that is drawn. Raises UserError.
     """
     shading, overlay, area = depsgraph.scene.display.shading, None, (0.0, 0.0, 1.0, 1.0)
     if space is not None:

@@ -69,7 +69,7 @@ def seen_object(context, place: Place):
     """The object of ``context.selectable_objects`` that is seen first at a place, None for none.
 
     Objects that cannot be selected do not hide others, as in Blender. An instance stands for the object
-    that makes it. Raises one of RENDER_ERRORS.
+    that makes it. Raises USER_ERRORS.
     """
     depsgraph = context.evaluated_depsgraph_get()
     frame = place.frame

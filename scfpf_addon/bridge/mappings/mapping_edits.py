@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, MAXIMUM_MAPPINGS
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import MAPPINGS, clear_slots, remove_slot
@@ -29,10 +29,6 @@ CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
 GRID_SHAPE = (5, 7)
 # The distance of a new grid: this multiple of the camera's clip start, but at least so many Blender units.
 GRID_CLIP_STARTS, GRID_DISTANCE = 4.0, 1.0
-
-
-class MappingError(TemplateError):
-    """A mapping of the image cannot be made or used; the message has the remedy."""
 
 
 def curve_node(tree):
@@ -100,10 +96,10 @@ def new_grid(camera, places=None):
 
 
 def add_mapping(camera, kind: str, name: str):
-    """Append a mapping to a camera's stack and make it active. Raises MappingError for too many mappings."""
+    """Append a mapping to a camera's stack and make it active. Raises UserError for too many mappings."""
     settings = camera.scfpf
     if len(settings.mappings) >= MAXIMUM_MAPPINGS:
-        raise MappingError("A camera has at most {0} mappings: remove one first", MAXIMUM_MAPPINGS)
+        raise UserError("A camera has at most {0} mappings: remove one first", MAXIMUM_MAPPINGS)
     mapping = settings.mappings.add()
     mapping.name = name
     mapping.kind = kind

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.mappings.kinds import KINDS, ImageMapping, changed, simple_mapping
-from ...projection.template_error import Message
+from ...projection.user_error import Message, UserError
 from ...projection.volume.reparameterisation import Reparameterisation
-from ..blender.mesh_grid import SurfaceError, grid_points
+from ..blender.mesh_grid import grid_points
 from ..blender.scene_objects import absent_text, is_absent
 from ..volume.volume_object import is_evaluated
-from .mapping_edits import MappingError, curve_node, read_numbers
+from .mapping_edits import curve_node, read_numbers
 from .st_map_image import st_map, st_map_number
 
 # Steps of the table of a curve widget, whose entries are exact.
@@ -45,7 +45,7 @@ class _Described(NamedTuple):
 
 
 def read_mappings(camera, depsgraph) -> tuple[Reparameterisation, ...]:
-    """The enabled mappings of a camera's stack, in order. Raises MappingError."""
+    """The enabled mappings of a camera's stack, in order. Raises UserError."""
     return tuple(_built(described) for described in _describe(camera, depsgraph))
 
 
@@ -55,17 +55,17 @@ def mapping_signature(camera, depsgraph) -> tuple | str:
         return ()
     try:
         return _describe(camera, depsgraph)
-    except MappingError as error:
+    except UserError as error:
         return str(error)
 
 
 def stored_mappings(camera, depsgraph) -> tuple[ImageMapping, ...]:
-    """The enabled mappings as presets store them. Raises MappingError, also for ST maps."""
+    """The enabled mappings as presets store them. Raises UserError, also for ST maps."""
     names = [m.name for m in camera.original.scfpf.mappings if m.enabled]
     stored = []
     for name, given in zip(names, _describe(camera, depsgraph), strict=True):
         if given.kind not in KINDS:
-            raise MappingError(
+            raise UserError(
                 "'{0}' is an ST map, which a preset cannot hold: disable it, and share its image", name
             )
         stored.append(
@@ -118,7 +118,7 @@ def _built(described: _Described) -> Reparameterisation:
         try:
             mapping = simple_mapping(described.kind, dict(described.numbers), described.array())
         except ValueError as error:
-            raise MappingError(str(error)[0].upper() + str(error)[1:]) from error
+            raise UserError(str(error)[0].upper() + str(error)[1:]) from error
     return changed(mapping, described.influence, described.backwards)
 
 
@@ -126,7 +126,7 @@ def _curve_points(mapping) -> np.ndarray:
     """The table of a curve widget, (K, 2): radii and values."""
     node = curve_node(mapping.curve)
     if node is None:
-        raise MappingError("The radial curve '{0}' has no curve: choose its kind again", mapping.name)
+        raise UserError("The radial curve '{0}' has no curve: choose its kind again", mapping.name)
     widget = node.mapping
     widget.initialize()
     radii = np.linspace(0.0, max(widget.clip_max_x, widget.curves[0].points[-1].location[0]), CURVE_STEPS + 1)
@@ -138,19 +138,16 @@ def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
     """The image positions at the points of a deformed grid, (R, C, 2)."""
     grid = mapping.grid
     if grid is None:
-        raise MappingError(
+        raise UserError(
             "The image mapping '{0}' has no grid: choose a mesh for it, or remove it", mapping.name
         )
     if is_absent(grid, depsgraph.scene):
         lost = absent_text(
             grid, depsgraph.scene, Message("choose another mesh for the image mapping"), camera
         )
-        raise MappingError("The grid {0}", lost)
+        raise UserError("The grid {0}", lost)
     if not is_evaluated(camera, grid, depsgraph):
-        raise MappingError(
+        raise UserError(
             "The grid '{0}' is hidden and its present shape unknown: press Render, or show it", grid.name
         )
-    try:
-        return np.ascontiguousarray(grid_points(grid.evaluated_get(depsgraph))[..., :2])
-    except SurfaceError as error:
-        raise MappingError("{0}", error) from error
+    return np.ascontiguousarray(grid_points(grid.evaluated_get(depsgraph))[..., :2])

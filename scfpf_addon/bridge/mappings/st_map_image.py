@@ -11,10 +11,10 @@ from bpy.app.handlers import persistent
 
 from ...projection.mappings.grids import STMap
 from ...projection.mappings.stack import Stack, mapped_places
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.packing import pack
-from .mapping_edits import MappingError
 
 IMAGE_NAME = "SCFPF ST Map"
 CONTENTS = (
@@ -61,11 +61,11 @@ def st_map(number: int) -> STMap:
 def st_map_number(mapping, depsgraph) -> int:
     """The number of the ST map in a mapping's image; equal pixels have equal numbers.
 
-    Renders read the image each time, viewports only when it may have been edited. Raises MappingError.
+    Renders read the image each time, viewports only when it may have been edited. Raises UserError.
     """
     image = mapping.image
     if image is None:
-        raise MappingError("The ST map '{0}' has no image: open or choose one", mapping.name)
+        raise UserError("The ST map '{0}' has no image: open or choose one", mapping.name)
     key = (tuple(image.size), image.filepath, _cache.edits)
     known = _cache.present.get(image.session_uid)
     before = _cache.maps.get(known[1]) if known is not None else None
@@ -88,7 +88,7 @@ def _same(one: STMap, other: STMap) -> bool:
 def _read_image(image) -> STMap:
     width, height = image.size
     if min(width, height) < 2 or image.channels < 2:
-        raise MappingError(
+        raise UserError(
             "'{0}' is not an ST map: it needs a picture of at least 2 × 2 pixels with red and "
             "green; if its file was moved, find it with File > External Data",
             image.name,

@@ -18,11 +18,11 @@ from mathutils import Color, Matrix
 from ...projection.diagrams.diagram import DiagramOptions, diagram, even_iso, volume_signature
 from ...projection.diagrams.line_colors import line_colors
 from ...projection.diagrams.projector_lines import projector_point
+from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
-from ..camera.read_projection import ProjectionError, read_projection
+from ..camera.read_projection import read_projection
 from ..render.image_size import image_aspect
-from ..render.render_errors import RenderError
 from ..sync.handlers import concerned
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
@@ -152,7 +152,7 @@ class Drawings:
         options = replace(options, safe_areas=shown[0], without=shown[1])
         try:
             drawing.update(read_projection(camera, depsgraph, aspect), options, pick_t)
-        except ProjectionError:
+        except UserError:
             # The panel and the render report the reason.
             drawing.clear()
         return drawing
@@ -304,7 +304,7 @@ def draw_viewport() -> None:
         return
     try:
         aspect = image_aspect(scene)
-    except RenderError:
+    except UserError:
         # The image is too large, which renders report; its aspect is unknown.
         return
     depsgraph = context.evaluated_depsgraph_get()

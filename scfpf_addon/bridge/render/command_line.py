@@ -13,10 +13,11 @@ from pathlib import Path
 
 import bpy
 
+from ...projection.user_error import UserError
 from ..blender.rig_mark import camera_behind
+from ..blender.user_errors import USER_ERRORS, reason
 from ..settings.stylised_styles import STYLES, apply_style
-from .image_file import ResultError, require_place, save_result, with_ending
-from .render_errors import RENDER_ERRORS, reason
+from .image_file import require_place, save_result, with_ending
 from .render_inputs import prepare
 from .render_job import RenderJob
 from .result_image import write_result
@@ -31,13 +32,9 @@ BUG = 2
 CYCLES_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
 
 
-class CommandError(ValueError):
-    """A command cannot be executed; the message is the one-line reason."""
-
-
 class _Parser(argparse.ArgumentParser):
     def error(self, message):
-        raise CommandError(f"{message} (see {self.prog} --help)")
+        raise UserError(f"{message} (see {self.prog} --help)")
 
 
 def _pixel_error(text: str) -> float:
@@ -117,7 +114,7 @@ def run(argv: list[str]) -> int:
         _render(options)
     except SystemExit as left:  # argparse has shown its help.
         return int(left.code or 0)
-    except (CommandError, ResultError, *RENDER_ERRORS) as error:
+    except USER_ERRORS as error:
         print(f"scfpf: {' '.join(reason(error).split())}", file=sys.stderr)
         return 1
     except Exception:
@@ -129,17 +126,17 @@ def run(argv: list[str]) -> int:
 def _render(options) -> None:
     # os.path returns False where pathlib raises: a name that is too long, no permission.
     if not os.path.isfile(options.file):
-        raise CommandError(f"there is no file {options.file}")
+        raise UserError(f"there is no file {options.file}")
     if os.path.isdir(options.output):
-        raise CommandError(f"cannot write {options.output}: it is a folder")
+        raise UserError(f"cannot write {options.output}: it is a folder")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(options.file.absolute()), load_ui=False)
     except RuntimeError as error:
         why = str(error).removeprefix("Error: ").split(" in file ")[0]
-        raise CommandError(f"cannot open {options.file}: {why}") from error
+        raise UserError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
     if options.frames and not options.cycles:
-        raise CommandError("--frames needs --cycles: for SCFPF's own engine use blender -b FILE -E SCFPF -a")
+        raise UserError("--frames needs --cycles: for SCFPF's own engine use blender -b FILE -E SCFPF -a")
     # A path that cannot be written is reported before the render.
     output = with_ending(str(options.output.absolute()), scene)
     require_place(output)
@@ -177,19 +174,19 @@ def _camera(scene, name: str | None):
     if name is not None:
         camera = scene.objects.get(name)
         if camera is None:
-            raise CommandError(f'the scene "{scene.name}" has no object "{name}"')
+            raise UserError(f'the scene "{scene.name}" has no object "{name}"')
         if camera.type != "CAMERA" or not camera.scfpf.enabled:
-            raise CommandError(f'"{name}" is not a flexible camera')
+            raise UserError(f'"{name}" is not a flexible camera')
         return camera
     flexible = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.scfpf.enabled]
     camera = camera_behind(scene.camera)
     if camera in flexible:
         return camera
     if not flexible:
-        raise CommandError(f'the scene "{scene.name}" has no flexible camera')
+        raise UserError(f'the scene "{scene.name}" has no flexible camera')
     if len(flexible) > 1:
         names = ", ".join(each.name for each in flexible)
-        raise CommandError(f"the scene's camera is not flexible: name one with --camera ({names})")
+        raise UserError(f"the scene's camera is not flexible: name one with --camera ({names})")
     return flexible[0]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 from ..blender import versions
 from ..blender.atomic_files import is_complete_image, replacing, require_writable, reserve
 
@@ -32,19 +32,15 @@ WEBP_BYTES = 5
 CUT_OFF = "the file is incomplete, as on a full disk: free some space, or write to another disk"
 
 
-class ResultError(TemplateError):
-    """An image cannot be written; the message gives the reason."""
-
-
 def with_ending(path: str, scene) -> str:
     """A path with the ending that names its format: its own, else that of the scene's output.
 
-    Raises ResultError for an unknown ending.
+    Raises UserError for an unknown ending.
     """
     if not os.path.splitext(path)[1]:
         path += scene.render.file_extension
     if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
-        raise ResultError("Cannot write '{0}': use one of {1}", path, ", ".join(FILE_FORMATS))
+        raise UserError("Cannot write '{0}': use one of {1}", path, ", ".join(FILE_FORMATS))
     return path
 
 
@@ -52,7 +48,7 @@ def frame_file(path: str, scene, frame: int, is_animation: bool) -> str:
     """The file of a frame, absolute and with its ending.
 
     path: its digits # stand for the frame; without any an animation's come at the end, as in Blender. Raises
-    ResultError for an unknown ending.
+    UserError for an unknown ending.
     """
     folder, name = os.path.split(bpy.path.abspath(path))
     stem, ending = os.path.splitext(name)
@@ -63,16 +59,16 @@ def frame_file(path: str, scene, frame: int, is_animation: bool) -> str:
 
 
 def require_place(path: str) -> None:
-    """Raise ResultError if no image can be written to a path, absolute and with its ending."""
+    """Raise UserError if no image can be written to a path, absolute and with its ending."""
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise ResultError("Cannot write '{0}': there is no folder '{1}'", path, folder)
+        raise UserError("Cannot write '{0}': there is no folder '{1}'", path, folder)
     if os.path.isdir(path):
-        raise ResultError("Cannot write '{0}': it is a folder", path)
+        raise UserError("Cannot write '{0}': it is a folder", path)
     try:
         require_writable(Path(path))
     except OSError as error:
-        raise ResultError("Cannot write '{0}': {1}", path, error.strerror or error) from error
+        raise UserError("Cannot write '{0}': {1}", path, error.strerror or error) from error
 
 
 def is_multilayer(path: str, scene) -> bool:
@@ -86,7 +82,7 @@ def save_result(image, path: str, scene, with_passes: bool = False) -> str:
 
     with_passes: write all passes of a multilayer image. The ending of ``path`` chooses the format. The
     scene's output settings apply if they are of that format; a path without an ending gets theirs. EXR keeps
-    scene-linear values. A symbolic link stays one. Raises ResultError for an unknown ending, a path that
+    scene-linear values. A symbolic link stays one. Raises UserError for an unknown ending, a path that
     cannot be written, and an incomplete file, as on a full disk; then an earlier file at that path is
     unchanged.
     """
@@ -104,12 +100,12 @@ def save_result(image, path: str, scene, with_passes: bool = False) -> str:
             image.save_render(str(part), scene=scene)
             # Blender reports no error for a PNG, a TIFF or a WebP that it could not write to the end.
             if not is_complete_image(part):
-                raise ResultError("Cannot write '{0}': {1}", path, CUT_OFF)
+                raise UserError("Cannot write '{0}': {1}", path, CUT_OFF)
     except RuntimeError as error:
         reason = str(error).splitlines()[0].removeprefix("Error: ")
-        raise ResultError("Cannot write '{0}': {1}", path, reason) from error
+        raise UserError("Cannot write '{0}': {1}", path, reason) from error
     except OSError as error:
-        raise ResultError("Cannot write '{0}': {1}", path, error.strerror or error) from error
+        raise UserError("Cannot write '{0}': {1}", path, error.strerror or error) from error
     return path
 
 

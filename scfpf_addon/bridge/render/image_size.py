@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...casting.common.memory import shortage
+from ...projection.user_error import UserError
 from ...shading.settings.frame_settings import Border
-from .render_errors import RenderError
 
 # 16384 × 16384. A pixel is in the film and in Blender's buffer, then there and in the packed file,
 # which takes 38 bytes.
@@ -18,7 +18,7 @@ BYTES_PER_PIXEL = 48
 def image_size(scene) -> tuple[int, int]:
     """Width and height in pixels from the scene's resolution and percentage, at least 1 × 1.
 
-    Raises RenderError if memory cannot hold the image.
+    Raises UserError if memory cannot hold the image.
     """
     render = scene.render
     width = max(render.resolution_x * render.resolution_percentage // 100, 1)
@@ -28,13 +28,13 @@ def image_size(scene) -> tuple[int, int]:
 
 
 def require_size(width: int, height: int) -> None:
-    """Raise RenderError for an image that exceeds MAXIMUM_PIXELS or the free memory."""
+    """Raise UserError for an image that exceeds MAXIMUM_PIXELS or the free memory."""
     needed = width * height * BYTES_PER_PIXEL
     short = shortage(needed)
     if short is None and width * height <= MAXIMUM_PIXELS:
         return
     there_is = f" and {short[1]} are free" if short else ""
-    raise RenderError(
+    raise UserError(
         "A picture of {0} × {1} pixels would need about {2:.1f} GB of memory{3}; lower "
         "the resolution or its percentage in Output Properties",
         width,
@@ -45,7 +45,7 @@ def require_size(width: int, height: int) -> None:
 
 
 def image_aspect(scene) -> float:
-    """Width / height of the scene's image as it is shown, pixel aspect included. Raises RenderError."""
+    """Width / height of the scene's image as it is shown, pixel aspect included. Raises UserError."""
     return shown_aspect(scene.render, *image_size(scene))
 
 

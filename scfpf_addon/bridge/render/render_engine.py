@@ -13,12 +13,13 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...projection.user_error import UserError
 from ...shading.typing import Single
 from ..blender.app_handlers import add_handlers, remove_handlers
+from ..blender.user_errors import failure_message, told
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
 from .render_delivery import WHOLE, Delivery
-from .render_errors import RenderError, failure_message, told
 from .render_inputs import RenderInputs, read_inputs, with_light_warnings, with_motion
 from .render_passes import layer_warnings, list_render_passes
 from .render_viewport import ViewportRender, stop_all
@@ -132,7 +133,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         require_size(*size)
         camera = self.camera_override or depsgraph.scene.camera
         if camera is None:
-            raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
+            raise UserError("The scene has no camera: add one with Add > Camera > Flexible Camera")
         self.update_stats("", "Reading the scene")
         camera = view_camera(camera.original, self.render)
         eye = eye_of(self.render, delivery.view)

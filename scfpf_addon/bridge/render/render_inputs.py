@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message, UserError
 from ...projection.volume.viewing_volume import Projection
 from ...shading.passes.cryptomatte import identifiers
 from ...shading.passes.data_passes import DataPasses
@@ -29,7 +29,6 @@ from ..settings.sampling import sampling_of
 from ..settings.stylised_properties import stylised_of
 from ..volume.volume_object import sync_volume_object
 from .image_size import image_size, shown_aspect
-from .render_errors import RenderError
 from .render_passes import crypto_names, transparency_warning
 
 
@@ -53,11 +52,11 @@ class RenderInputs:
 def ready_size(scene, camera) -> tuple[int, int]:
     """The size of a scene's image, after the volume objects of a camera and its layers are restored.
 
-    They keep hidden surfaces evaluated, and may have been deleted. Raises RenderError.
+    They keep hidden surfaces evaluated, and may have been deleted. Raises UserError.
     """
     size = image_size(scene)
     if lost := absent_text(camera, scene, Message("choose another camera")):
-        raise RenderError(lost)
+        raise UserError(lost)
     for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
         if each is not None and each.scfpf.enabled and each.is_editable:
             sync_volume_object(each)
@@ -77,7 +76,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     """Read the inputs of an image of ``view_layer`` through ``camera``, as evaluated for a render.
 
     pixel_error: overrides the camera's own. Of a scene with several views it is the camera's own view,
-    between the eyes. Raises one of RENDER_ERRORS.
+    between the eyes. Raises USER_ERRORS.
     """
     size = ready_size(scene, camera)
 
@@ -116,7 +115,7 @@ def read_inputs(
     made. passes: names of ``shading.passes.PASSES``. may_be_empty, cancelled: as for ``read_scene``.
     scene: read from the depsgraph before, with the camera's layers. aspect: of the image as it is shown, by
     default from its size and the scene's pixel aspect. eye: of a stereoscopic scene. strokes_shown: whether
-    Blender draws Grease Pencil over the image if the view is an ordinary one. Raises one of RENDER_ERRORS.
+    Blender draws Grease Pencil over the image if the view is an ordinary one. Raises USER_ERRORS.
     """
     render = depsgraph.scene_eval.render
     evaluated = camera.evaluated_get(depsgraph)
@@ -175,7 +174,7 @@ def frame_settings(scene, size: tuple[int, int], **own) -> FrameSettings:
 
 
 def read_view(depsgraph, camera, aspect: float, eye: Eye = "") -> Projection:
-    """The projection of a camera, flexible or not, or of one of its eyes. Raises one of RENDER_ERRORS."""
+    """The projection of a camera, flexible or not, or of one of its eyes. Raises USER_ERRORS."""
     evaluated = camera.evaluated_get(depsgraph)
     if evaluated.scfpf.enabled:
         projection = read_projection(camera, depsgraph, aspect)

@@ -8,9 +8,10 @@ import threading
 import numpy as np
 
 from ...casting.common.cancellation import is_uncancellable
+from ...projection.user_error import UserError
 from ...shading.frame import Frame
 from ...shading.typing import Single
-from .render_errors import NO_THREAD, RenderError
+from ..blender.user_errors import NO_THREAD
 from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache, prepare_scene
 
@@ -73,11 +74,11 @@ class RenderJob:
         return self._tiles
 
     def start(self) -> None:
-        """Start the thread and return at once. Raises RenderError if the system starts no thread."""
+        """Start the thread and return at once. Raises UserError if the system starts no thread."""
         try:
             self._thread.start()
         except RuntimeError as error:
-            raise RenderError(NO_THREAD) from error
+            raise UserError(NO_THREAD) from error
 
     @property
     def building(self) -> bool:
@@ -116,13 +117,13 @@ _cache: SceneCache | None = None
 
 
 def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) -> RenderJob:
-    """Start the one job that may run at a time. Raises RenderError while another runs.
+    """Start the one job that may run at a time. Raises UserError while another runs.
 
     keep: whether the built scene is cached for the next job, which uses it if the scene is the same.
     """
     global _current
     if current() is not None:
-        raise RenderError(RUNNING)
+        raise UserError(RUNNING)
     job = RenderJob(inputs, with_tiles, _cache if keep else None, keep)
     job.start()
     _current = job

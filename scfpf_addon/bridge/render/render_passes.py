@@ -9,7 +9,7 @@ from typing import NamedTuple
 import bpy
 from bpy.props import BoolProperty, PointerProperty
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ...shading.passes.cryptomatte import CRYPTO_PASS, MOST_LAYERS, manifest, name_hash
 from ...shading.passes.light_passes import LIGHT_PASSES
 from ..blender import versions

@@ -19,11 +19,11 @@ from ...projection.surfaces.surface import BilinearPatch
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border
+from ..blender.user_errors import failure_message
 from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..layers.read_image_layers import read_image_layers
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
-from .render_errors import failure_message
 from .render_inputs import RenderInputs, frame_settings, read_inputs
 from .view_painter import Commission, Painting, Rectangle, ViewPainter
 
@@ -148,7 +148,7 @@ def viewport_camera(context, depsgraph):
 
 
 def viewport_members(context, depsgraph) -> Mapping[int, int]:
-    """The members of the layers that a viewport shows, see ``ReadLayers``. Raises one of RENDER_ERRORS."""
+    """The members of the layers that a viewport shows, see ``ReadLayers``. Raises USER_ERRORS."""
     camera = viewport_camera(context, depsgraph)
     return {} if camera is None else read_image_layers(camera.original, depsgraph, 1.0).members
 
@@ -156,7 +156,7 @@ def viewport_members(context, depsgraph) -> Mapping[int, int]:
 def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     """Read the commission of a viewport, None if the camera's frame is outside it.
 
-    Raises one of RENDER_ERRORS.
+    Raises USER_ERRORS.
     """
     region, view, space = context.region, context.region_data, context.space_data
     camera, eye = viewport_camera(context, depsgraph), viewport_eye(space, depsgraph)

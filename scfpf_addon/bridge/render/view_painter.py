@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from ...shading.frame import render_frame
 from ...shading.typing import Single
+from ..blender.user_errors import NO_THREAD, failure_message
 from .coarse_image import coarse_inputs
-from .render_errors import NO_THREAD, failure_message
 from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache
 

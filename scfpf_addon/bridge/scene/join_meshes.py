@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ...casting.common.geometry import Geometry
 from ...casting.common.memory import shortage
 from ...casting.common.parallel import chunks, parallel_map
-from ...projection.template_error import Message, TemplateError
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from .mesh_arrays import MeshArrays, own_normals
 from .read_layers import join_layers
 
@@ -21,10 +21,6 @@ MAXIMUM_TRIANGLES = (2**31 - 1) // 9
 
 # Memory of a triangle as arrays, in cast space and in Embree: measured, flat shading.
 BYTES_PER_TRIANGLE = 200
-
-
-class SceneError(TemplateError):
-    """The scene cannot be read; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Instances:
 def join_meshes(
     meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...], with_uv: bool = False
 ) -> Geometry:
-    """One triangle soup of all instances in world space. Raises SceneError if it is too large."""
+    """One triangle soup of all instances in world space. Raises UserError if it is too large."""
     meshes = _with_normals(meshes)
     order = np.argsort(instances.mesh, kind="stable")
     counts = np.bincount(instances.mesh, minlength=len(meshes))
@@ -104,15 +100,15 @@ def _with_normals(meshes: list[MeshArrays]) -> list[MeshArrays]:
 
 
 def _require_room(triangles: int, vertices: int) -> None:
-    """Raise SceneError if no index reaches all triangles, or memory cannot hold them."""
+    """Raise UserError if no index reaches all triangles, or memory cannot hold them."""
     scene = Message("The scene has {0} triangles once every instance is counted", f"{triangles:,}")
     if max(triangles, vertices) > MAXIMUM_TRIANGLES:
-        raise SceneError(
+        raise UserError(
             "{0}, more than {1:,}: hide instances or lower the subdivision", scene, MAXIMUM_TRIANGLES
         )
     short = shortage(triangles * BYTES_PER_TRIANGLE)
     if short:
-        raise SceneError(
+        raise UserError(
             "{0}, which need about {1} of memory, and {2} are free: hide instances or lower the subdivision",
             scene,
             short[0],

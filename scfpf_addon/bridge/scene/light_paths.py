@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ...shading.scene.shading_scene import LightPaths
 from ..blender import versions
 

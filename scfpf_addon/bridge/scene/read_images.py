@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...casting.scene.culling import within_projection
 from ...projection.colors import srgb_from_linear
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.nodes.image import ImageData
 from ...shading.scene.shading_scene import Scene

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ...casting.common.geometry import Geometry
-from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.user_error import Message
 from ...shading.materials.constants import Materials
 from ...shading.nodes.graph import MaterialGraph
 from ..blender import versions

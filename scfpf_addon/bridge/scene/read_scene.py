@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...casting.common.ray_visibility import CAMERA, EVERYWHERE
-from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.user_error import Message, UserError
 from ...shading.scene.shading_scene import Light, Scene
 from . import read_lights
-from .join_meshes import Instances, SceneError, join_meshes
+from .join_meshes import Instances, join_meshes
 from .light_paths import read_bounces, unshown_settings
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
 from .read_layers import read_layer
@@ -67,7 +67,7 @@ def read_scene(
     may_be_empty: return a scene of no triangles with a warning if nothing can be shown. with_uv: read the
     texture coordinates of renders, too. cancelled(): whether to return the part that has been read.
     image_layers: the number of the image layer by an object's session id; that of an instancer comes first.
-    faceless: the types of objects without faces of which a warning tells. Raises SceneError if nothing can
+    faceless: the types of objects without faces of which a warning tells. Raises UserError if nothing can
     be shown otherwise, or memory cannot hold it.
     """
     reader = _SceneReader(depsgraph, with_uv, image_layers or {}, faceless)
@@ -81,7 +81,7 @@ def read_scene(
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
     wanted = depsgraph.view_layer_eval.use_solid
     if not shown and not may_be_empty:
-        raise SceneError(NOTHING if wanted else NO_SURFACES)
+        raise UserError(NOTHING if wanted else NO_SURFACES)
     world_color, world, world_warnings = read_world(depsgraph.scene_eval, depsgraph.view_layer_eval)
     if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
         world_color = np.zeros(3)

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...projection.template_error import Message
 from ...projection.typing import Array
+from ...projection.user_error import Message
 from ...projection.volume.viewing_volume import Projection
 from ...shading.missing_light import missing_light
 from ...shading.nodes.graph import MaterialGraph

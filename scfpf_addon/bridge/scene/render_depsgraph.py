@@ -14,15 +14,11 @@ from typing import TypeVar
 
 import bpy
 
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 
 ENGINE = "SCFPF_READER"
 
 _Result = TypeVar("_Result")
-
-
-class RenderDepsgraphError(TemplateError):
-    """Blender cannot evaluate the scene for a render; the message gives the reason."""
 
 
 def with_render_depsgraph(
@@ -33,7 +29,7 @@ def with_render_depsgraph(
     with_time: call ``read(depsgraph, set_frame)`` instead, where set_frame(frame, subframe=…) evaluates
     another time; the last one must be the scene's own. The depsgraph ends with the call: ``read`` must return
     arrays and numbers only. The scene is left as it was. Raises the errors of ``read``, and
-    RenderDepsgraphError if Blender refuses (another bake is running, or the scene is linked).
+    UserError if Blender refuses (another bake is running, or the scene is linked).
     """
     outcome: list[tuple[_Result | None, BaseException | None]] = []
 
@@ -48,7 +44,7 @@ def with_render_depsgraph(
                 outcome.append((None, error))
 
     if scene.library:
-        raise RenderDepsgraphError("The scene '{0}' is linked from another file: render it there", scene.name)
+        raise UserError("The scene '{0}' is linked from another file: render it there", scene.name)
     engine = scene.render.engine
     target = _bake_target()
     bpy.utils.register_class(SceneReader)
@@ -57,15 +53,13 @@ def with_render_depsgraph(
         scene.render.engine = ENGINE
         _bake(scene, view_layer, target)
     except RuntimeError as error:
-        raise RenderDepsgraphError("Blender cannot evaluate the scene: {0}", error) from error
+        raise UserError("Blender cannot evaluate the scene: {0}", error) from error
     finally:
         scene.render.engine = engine
         bpy.utils.unregister_class(SceneReader)
         bpy.data.meshes.remove(target.data)
     if not outcome:
-        raise RenderDepsgraphError(
-            "Blender cannot evaluate the scene: wait for the bake or the render that is running"
-        )
+        raise UserError("Blender cannot evaluate the scene: wait for the bake or the render that is running")
     result, error = outcome[0]
     if error is not None:
         raise error

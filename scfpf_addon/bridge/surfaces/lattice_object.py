@@ -13,8 +13,8 @@ import numpy as np
 
 from ...projection.file_values import LARGEST_LENGTH
 from ...projection.surfaces.kinds import SURFACE_KINDS
+from ...projection.user_error import UserError
 from ...projection.volume.lattice import Lattice
-from ..blender.mesh_grid import SurfaceError
 
 KIND = "LATTICE"
 TITLE = SURFACE_KINDS[KIND].title
@@ -32,19 +32,19 @@ def new_data(name: str, points, parameters: dict):
 
     points: (layers, rows, columns, 3), own space, the near layer (+Z) first; None leaves 4 × 4 × 4
     points at rest. parameters: interpolation, of ``INTERPOLATIONS``, for all three axes.
-    Raises SurfaceError.
+    Raises UserError.
     """
     shape = DEFAULT_SHAPE if points is None else np.shape(points)[:3]
     if len(shape) != 3 or min(shape) < 2 or max(shape) > MOST_POINTS:
-        raise SurfaceError(
+        raise UserError(
             "A {0} needs layers × rows × columns of points, 2 to {1} each, got {2}", TITLE, MOST_POINTS, shape
         )
     unknown = set(parameters) - {"interpolation"}
     if unknown:
-        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
+        raise UserError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     kind = parameters.get("interpolation", "BSPLINE")
     if kind not in INTERPOLATIONS:
-        raise SurfaceError(
+        raise UserError(
             "A {0} is interpolated by one of {1}, not {2!r}", TITLE, ", ".join(INTERPOLATIONS), kind
         )
     data = bpy.data.lattices.new(name)
@@ -57,16 +57,16 @@ def new_data(name: str, points, parameters: dict):
     if points is not None:
         try:
             _write(data, np.asarray(points, np.float64))
-        except SurfaceError:
+        except UserError:
             bpy.data.lattices.remove(data)
             raise
     return data
 
 
 def write_parameters(surface, parameters: dict) -> None:
-    """Write points (layers, rows, columns, 3), as many as there are. Raises SurfaceError."""
+    """Write points (layers, rows, columns, 3), as many as there are. Raises UserError."""
     if set(parameters) != {"points"}:
-        raise SurfaceError("A {0} is given by its points alone, not by {1}", TITLE, sorted(parameters))
+        raise UserError("A {0} is given by its points alone, not by {1}", TITLE, sorted(parameters))
     _write(surface.data, np.asarray(parameters["points"], np.float64))
     surface.data.update_tag()
 
@@ -79,9 +79,9 @@ def read_parameters(surface) -> dict:
 def _write(data, points) -> None:
     shape = (data.points_w, data.points_v, data.points_u, 3)
     if points.shape != shape:
-        raise SurfaceError("'{0}' has points of shape {1}, not {2}", data.name, shape, points.shape)
+        raise UserError("'{0}' has points of shape {1}, not {2}", data.name, shape, points.shape)
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
+        raise UserError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
     data.points.foreach_set("co_deform", points[::-1].astype(np.float32).ravel())
 
 
@@ -122,24 +122,24 @@ def data_properties(surface) -> list[tuple[str, object, str]]:
 
 
 def read_lattice(evaluated) -> Lattice:
-    """An evaluated Lattice object in its own space. Raises SurfaceError when it has no size or no volume."""
+    """An evaluated Lattice object in its own space. Raises UserError when it has no size or no volume."""
     name, data = evaluated.name, evaluated.data
     if evaluated.type != "LATTICE":
-        raise SurfaceError(
+        raise UserError(
             "'{0}' is of type {1}, not a lattice: choose another kind", name, evaluated.type.title()
         )
     for axis in AXES[:2]:
         if getattr(data, f"points_{axis}") < 2:
-            raise SurfaceError("'{0}' has one point along {1}: give it two or more", name, axis.upper())
+            raise UserError("'{0}' has one point along {1}: give it two or more", name, axis.upper())
     if data.vertex_group and data.vertex_group in evaluated.vertex_groups:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has a vertex group that weighs its effect, which a viewing volume cannot "
             "have: clear Vertex Group in its Object Data properties",
             name,
         )
     rest, moved = _coordinates(data, "co"), _coordinates(data, "co_deform")
     if not (np.abs(moved) <= LARGEST_LENGTH).all():
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has points that are not finite or farther out than {1:g}: look for the "
             "modifier or shape key that moves them there",
             name,

@@ -14,12 +14,11 @@ import bpy
 import numpy as np
 
 from ...projection.editing.nurbs_edits import reversing
-from ...projection.editing.volume_edits import EditingError
 from ...projection.file_values import LARGEST_LENGTH
 from ...projection.surfaces.kinds import FEWEST_NURBS_POINTS, SURFACE_KINDS
 from ...projection.surfaces.nurbs import NurbsAxis, NurbsPatch, fitted_points
 from ...projection.surfaces.surface import ControlSurface, Grid
-from ..blender.mesh_grid import SurfaceError
+from ...projection.user_error import UserError
 
 KIND = "NURBS"
 TITLE = SURFACE_KINDS[KIND].title
@@ -41,12 +40,12 @@ def new_data(name: str, points, parameters: dict):
     """Data for a SURFACE object: one patch that begins and ends at its outer points.
 
     points: (rows, columns, 3), or 4 with weights, at least 3 × 3; None is flat.
-    parameters: order_u and order_v, each 4 where it is missing. Raises SurfaceError
+    parameters: order_u and order_v, each 4 where it is missing. Raises UserError
     when they make no patch.
     """
     points = np.asarray(flat_points() if points is None else points, np.float64)
     if points.ndim != 3 or min(points.shape[:2]) < FEWEST_NURBS_POINTS:
-        raise SurfaceError(
+        raise UserError(
             "A {0} needs rows × columns of points, at least {1} × {1}, got {2}",
             TITLE,
             FEWEST_NURBS_POINTS,
@@ -54,7 +53,7 @@ def new_data(name: str, points, parameters: dict):
         )
     unknown = set(parameters) - set(ORDERS)
     if unknown:
-        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
+        raise UserError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     orders = [int(parameters.get(name, DEFAULT_ORDER)) for name in ORDERS]
     points = _checked(points, *(NurbsAxis(order) for order in orders))
     data = bpy.data.curves.new(name, "SURFACE")
@@ -67,26 +66,26 @@ def new_data(name: str, points, parameters: dict):
 
 
 def _checked(points, along_u: NurbsAxis, along_v: NurbsAxis):
-    """The points with their weights, (rows, columns, 4), or SurfaceError."""
+    """The points with their weights, (rows, columns, 4), or UserError."""
     if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
+        raise UserError("The points of a {0} must be numbers up to {1:g}", TITLE, LARGEST_LENGTH)
     try:
         NurbsPatch(points, along_u, along_v)
     except ValueError as error:
-        raise SurfaceError("These points make no {0}: {1}", TITLE, error) from error
+        raise UserError("These points make no {0}: {1}", TITLE, error) from error
     return points if points.shape[2] == 4 else np.pad(points, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
 
 
 def write_parameters(surface, parameters: dict) -> None:
-    """Write points, as many as there are, order_u and order_v. Raises SurfaceError."""
+    """Write points, as many as there are, order_u and order_v. Raises UserError."""
     spline = _only_spline(surface)
     unknown = set(parameters) - {"points", *ORDERS}
     if unknown:
-        raise SurfaceError("A {0} has no parameter {1!r}", TITLE, min(unknown))
+        raise UserError("A {0} has no parameter {1!r}", TITLE, min(unknown))
     now = read_parameters(surface) | parameters
     points = np.asarray(now["points"], np.float64)
     if points.shape[:2] != (spline.point_count_v, spline.point_count_u):
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has {1} × {2} points, not {3}",
             surface.name,
             spline.point_count_v,
@@ -135,12 +134,12 @@ def _make_net(data, rows: int, columns: int) -> None:
 
 
 def own_patch(surface) -> NurbsPatch:
-    """The patch by its points and settings; modifiers do not count. Raises SurfaceError."""
+    """The patch by its points and settings; modifiers do not count. Raises UserError."""
     spline = _only_spline(surface)
     try:
         return NurbsPatch(_points(spline), *_axes(spline))
     except ValueError as error:
-        raise SurfaceError("'{0}' is not a valid surface: {1}", surface.name, error) from error
+        raise UserError("'{0}' is not a valid surface: {1}", surface.name, error) from error
 
 
 def replace_net(surface, patch: NurbsPatch) -> None:
@@ -169,14 +168,14 @@ def replace_net(surface, patch: NurbsPatch) -> None:
 def reversed_order(surface, axis: str):
     """The order of the control points along axis "U" or "V" in which the patch runs backwards.
 
-    Raises SurfaceError for shape keys or hooks, which know points by number, and for knots that
+    Raises UserError for shape keys or hooks, which know points by number, and for knots that
     are not alike from both ends.
     """
     patch = own_patch(surface)
     data = surface.data
     hooked = any(modifier.type == "HOOK" for modifier in surface.modifiers)
     if data.shape_keys is not None or data.animation_data is not None or hooked:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has shape keys or hooks, or animated points, that would not be mirrored: "
             "convert it to a grid first",
             surface.name,
@@ -184,8 +183,8 @@ def reversed_order(surface, axis: str):
     rows, columns = np.shape(patch.points)[:2]
     try:
         return reversing(patch.along_u, columns) if axis == "U" else reversing(patch.along_v, rows)
-    except EditingError as error:
-        raise SurfaceError("'{0}': {1}", surface.name, error) from error
+    except UserError as error:
+        raise UserError("'{0}': {1}", surface.name, error) from error
 
 
 def reorder(surface, order, axis: str) -> None:
@@ -216,16 +215,16 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
 
     mode: VIEWPORT or RENDER, of the depsgraph. Returns a NurbsPatch, or a Grid of the tessellated vertices
     where modifiers reshaped them so that no net of control points fits.
-    Raises SurfaceError unless it is a single valid patch.
+    Raises UserError unless it is a single valid patch.
     """
     name, spline = evaluated.name, _only_spline(evaluated)
     points = _points(spline)
     if not np.isfinite(points).all():
-        raise SurfaceError("'{0}' has control points that are not finite", name)
+        raise UserError("'{0}' has control points that are not finite", name)
     try:
         patch = NurbsPatch(points, *_axes(spline))
     except ValueError as error:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' is not a valid surface: {1}; change its Active Spline settings or its points in Edit Mode",
             name,
             error,
@@ -234,7 +233,7 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
         return patch
     samples = _tessellation(evaluated, mode)
     if not np.isfinite(samples).all():
-        raise SurfaceError("A shape key or modifier of '{0}' makes points that are not finite", name)
+        raise UserError("A shape key or modifier of '{0}' makes points that are not finite", name)
     net = fitted_points(samples, patch.points[..., 3], patch.along_u, patch.along_v)
     fitted = replace(patch, points=np.concatenate([net, patch.points[..., 3:]], axis=2))
     return fitted if _passes_through(fitted, samples) else Grid(_closed(samples, patch))
@@ -242,14 +241,14 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
 
 def _only_spline(surface):
     if surface.type != "SURFACE":
-        raise SurfaceError(
+        raise UserError(
             "'{0}' is of type {1}, not a surface: choose another kind for it",
             surface.name,
             surface.type.title(),
         )
     splines = surface.data.splines
     if len(splines) != 1:
-        raise SurfaceError(
+        raise UserError(
             "'{0}' has {1} patches and needs just one: separate the others in Edit Mode with P"
             if splines
             else "'{0}' has no patch and needs just one: add one in Edit Mode",
@@ -289,7 +288,7 @@ def _tessellation(evaluated, mode: str):
     mesh = evaluated.to_mesh()
     try:
         if len(mesh.vertices) != columns * rows:
-            raise SurfaceError(
+            raise UserError(
                 "A modifier of '{0}' adds or removes points: remove it, or convert the surface to a mesh",
                 evaluated.name,
             )

@@ -16,8 +16,9 @@ import numpy as np
 
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.user_error import UserError
 from ..blender import versions
-from ..blender.mesh_grid import SurfaceError, checked_grid, grid_points, write_grid
+from ..blender.mesh_grid import checked_grid, grid_points, write_grid
 from ..blender.scene_objects import delete_with_data
 from .kinds import BLENDER_KINDS, MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .surface_groups import group_inputs, surface_group
@@ -33,10 +34,10 @@ def new_surface(name: str | None, kind: str, parameters: dict | None = None, poi
     columns, 3), own space, for PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5), which
     also takes a UVMesh. NURBS also takes 4 numbers, the last a weight (default 4 × 4 points), and the
     parameters order_u and order_v. LATTICE: see ``lattice_object.new_data``.
-    Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
+    Raises UserError for an unknown kind or parameter, or points of a wrong shape.
     """
     if kind not in BLENDER_KINDS:
-        raise SurfaceError("Unknown kind of control surface: {0!r}", kind)
+        raise UserError("Unknown kind of control surface: {0!r}", kind)
     name = name or BLENDER_KINDS[kind].title
     if kind in OBJECT_KINDS:
         data = OBJECT_KINDS[kind].new_data(name, points, parameters or {})
@@ -54,7 +55,7 @@ def new_surface(name: str | None, kind: str, parameters: dict | None = None, poi
             write_uv_mesh(data, points)
         elif kind in MESH_KINDS:
             set_surface_parameters(surface, {"points": _flat(kind) if points is None else points})
-    except SurfaceError:
+    except UserError:
         delete_with_data(surface)
         raise
     return surface
@@ -87,7 +88,7 @@ def take_kind(surface) -> None:
             parameters = {given.key: values[given.label] for given in PARAMETRIC_KINDS[before].parameters}
             u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
             shape = surface_from_parameters(before, parameters, None, np.eye(4))
-            with contextlib.suppress(SurfaceError):  # a property's change cannot be refused
+            with contextlib.suppress(UserError):  # a property's change cannot be refused
                 points = checked_grid(
                     shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
                 )
@@ -137,13 +138,13 @@ def _take_group(surface, kind: str, own) -> None:
 def parameter_modifier(surface):
     """A parametric surface's node modifier and its inputs' identifiers by name.
 
-    Its group has exactly the kind's inputs by name. Raises SurfaceError if there is no such modifier.
+    Its group has exactly the kind's inputs by name. Raises UserError if there is no such modifier.
     """
     own = _own_modifier(surface)
     if own is not None and own[1] == surface.scfpf_surface.kind:
         return own[0], group_inputs(own[0].node_group)
     description = PARAMETRIC_KINDS[surface.scfpf_surface.kind]
-    raise SurfaceError(
+    raise UserError(
         "'{0}' has no node group with just the inputs {1}: undo the change to its '{2}' "
         "modifier, or remove the surface and add a new {3}",
         surface.name,
@@ -156,7 +157,7 @@ def parameter_modifier(surface):
 def parameter_properties(surface) -> list[tuple[str, object, str]]:
     """(label, owner, property) of each input of a parametric surface, for panels and keyframes.
 
-    Empty for a mesh kind. Raises SurfaceError when the node group is gone.
+    Empty for a mesh kind. Raises UserError when the node group is gone.
     """
     if surface.scfpf_surface.kind in OBJECT_KINDS:
         return OBJECT_KINDS[surface.scfpf_surface.kind].data_properties(surface)
@@ -173,7 +174,7 @@ def parameter_properties(surface) -> list[tuple[str, object, str]]:
 def set_surface_parameters(surface, parameters: dict) -> None:
     """Write parameters by name: those of the kind, those of its drawing, or ``points`` of a mesh kind.
 
-    Raises SurfaceError for an unknown name or a value out of its limits; then nothing has changed.
+    Raises UserError for an unknown name or a value out of its limits; then nothing has changed.
     """
     kind = surface.scfpf_surface.kind
     if kind in OBJECT_KINDS:
@@ -181,13 +182,13 @@ def set_surface_parameters(surface, parameters: dict) -> None:
         return
     if kind in MESH_KINDS:
         if set(parameters) != {"points"}:
-            raise SurfaceError(
+            raise UserError(
                 "A {0} is given by its points alone, not by {1}",
                 BLENDER_KINDS[kind].title,
                 sorted(parameters),
             )
         if kind == "PATCH" and np.shape(parameters["points"]) != (2, 2, 3):
-            raise SurfaceError("A Patch needs 2 × 2 points")
+            raise UserError("A Patch needs 2 × 2 points")
         write_grid(surface.data, parameters["points"])
         return
     known = {given.key: given for given in PARAMETRIC_KINDS[kind].inputs}
@@ -195,12 +196,12 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     taken = {}
     for key, value in parameters.items():
         if key not in known:
-            raise SurfaceError("A {0} has no parameter {1!r}", PARAMETRIC_KINDS[kind].title, key)
+            raise UserError("A {0} has no parameter {1!r}", PARAMETRIC_KINDS[kind].title, key)
         given = known[key]
         # The limits as Blender stores them, in float32: 2π read back is above 2π.
         low, high = np.array([given.minimum, given.maximum], np.float32).tolist()
         if not low <= value <= high:
-            raise SurfaceError(
+            raise UserError(
                 "{0} must lie from {1:g} to {2:g}, not {3:g}",
                 given.label,
                 given.minimum,
@@ -218,7 +219,7 @@ def surface_parameters(evaluated_object) -> dict:
 
     PATCH and GRID answer {"points": (rows, columns, 3) float64}, own space, as does a UV_MESH that is a grid.
     NURBS answers points with weights as a fourth number, order_u and order_v.
-    Raises SurfaceError when the node group or the regular grid is gone.
+    Raises UserError when the node group or the regular grid is gone.
     """
     kind = evaluated_object.scfpf_surface.kind
     if kind in OBJECT_KINDS:

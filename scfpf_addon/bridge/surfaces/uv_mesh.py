@@ -9,13 +9,14 @@ from ...projection.file_values import LARGEST_LENGTH
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_chart import UVChart
 from ...projection.surfaces.uv_mesh import UVMesh
-from ..blender.mesh_grid import UV_LAYER, SurfaceError, grid_points, require_finite, uv_layer
+from ...projection.user_error import UserError
+from ..blender.mesh_grid import UV_LAYER, grid_points, require_finite, uv_layer
 
 
 def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
     """The evaluated mesh in the triangles that Blender draws it with, by the UV map that it renders with.
 
-    matrix: (4, 4), own space to volume space. Raises SurfaceError when there is
+    matrix: (4, 4), own space to volume space. Raises UserError when there is
     no face, no UV map, or no face inside of the UV square.
     """
     name = evaluated_object.name
@@ -26,10 +27,10 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
         evaluated_object.to_mesh_clear()
     require_finite(name, points)
     if not np.isfinite(uv).all():
-        raise SurfaceError("The UV map of '{0}' is not finite: unwrap it again (U in Edit Mode)", name)
+        raise UserError("The UV map of '{0}' is not finite: unwrap it again (U in Edit Mode)", name)
     chart = UVChart(uv, triangles)
     if not chart.used.any():
-        raise SurfaceError(
+        raise UserError(
             "No face of '{0}' has an area in the UV square from 0 to 1: unwrap it (U in Edit "
             "Mode) and place its islands inside the square",
             name,
@@ -40,10 +41,10 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
 def _arrays(name: str, mesh):
     """Vertices (V, 3) float64, triangles (T, 3) of them, and the UVs of their corners (T, 3, 2) float64."""
     if not mesh.polygons:
-        raise SurfaceError("'{0}' has no faces: a UV mesh surface needs some", name)
+        raise UserError("'{0}' has no faces: a UV mesh surface needs some", name)
     layer = uv_layer(mesh)
     if layer is None:
-        raise SurfaceError("'{0}' has no UV map: unwrap it (U in Edit Mode)", name)
+        raise UserError("'{0}' has no UV map: unwrap it (U in Edit Mode)", name)
     mesh.calc_loop_triangles()
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
@@ -60,9 +61,9 @@ def _arrays(name: str, mesh):
 
 
 def write_uv_mesh(mesh, sheet: UVMesh) -> None:
-    """Replace a mesh by a UV mesh's triangles, in its own space. Raises SurfaceError if too large."""
+    """Replace a mesh by a UV mesh's triangles, in its own space. Raises UserError if too large."""
     if not (np.abs(sheet.points) <= LARGEST_LENGTH).all():
-        raise SurfaceError("A UV mesh's points must be numbers up to {0:g}", LARGEST_LENGTH)
+        raise UserError("A UV mesh's points must be numbers up to {0:g}", LARGEST_LENGTH)
     corners = np.ascontiguousarray(sheet.chart.vertices, np.int32).ravel()
     mesh.clear_geometry()
     mesh.vertices.add(len(sheet.points))
@@ -79,7 +80,7 @@ def write_uv_mesh(mesh, sheet: UVMesh) -> None:
 def read_reshaped(evaluated_object, matrix) -> ControlSurface:
     """A parametric surface that further modifiers act on: a grid while they leave it one, else a UV mesh.
 
-    Raises SurfaceError as ``read_uv_mesh`` does.
+    Raises UserError as ``read_uv_mesh`` does.
     """
     points = _grid_or_none(evaluated_object)
     if points is None:
@@ -107,5 +108,5 @@ def _grid_or_none(surface):
     """``grid_points`` of an object, evaluated or not; None where the mesh is no regular grid."""
     try:
         return grid_points(surface)
-    except SurfaceError:
+    except UserError:
         return None

@@ -8,25 +8,21 @@ cover the lines of the overlay. A dense mesh remains a box in the mode.
 
 from __future__ import annotations
 
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 from .camera_members import all_cameras, cameras_with, surfaces_of
 
 # Meshes of more faces are always boxes: their wires would be less than a dozen pixels apart.
 MOST_WIRED = 1024
 
 
-class EditVolumeError(TemplateError):
-    """A camera or a surface that the mode cannot change; the message says what to do."""
-
-
 def set_edit_volume(camera, on: bool) -> None:
     """Switch the mode of one camera. A surface stays selectable while another of its cameras is in the mode.
 
-    Raises EditVolumeError for a camera or a surface that is linked from another file; then nothing changes.
+    Raises UserError for a camera or a surface that is linked from another file; then nothing changes.
     """
     for obj in (camera, *surfaces_of(camera)):
         if not obj.is_editable:
-            raise EditVolumeError(
+            raise UserError(
                 "'{0}' is linked from another file: make a library override of it first", obj.name
             )
     camera.scfpf.edit_volume = on

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.arrays import put_columns
-from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray, IndexArray
+from ...projection.user_error import UserError
 
 
-class CastError(TemplateError):
+class CastError(UserError):
     """Casting is impossible; the message says what to do."""
 
 

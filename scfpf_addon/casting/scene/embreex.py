@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ..common.hits import CastError
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.

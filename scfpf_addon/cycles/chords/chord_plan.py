@@ -17,8 +17,8 @@ import numpy as np
 from ...casting.curves.chord_rules import SHIFT, graded, half_cosine, running_total
 from ...casting.curves.sampled_curves import Curves, across, blend, curves_through
 from ...projection.mappings.stack import is_disc
-from ...projection.template_error import TemplateError
 from ...projection.typing import Array, BoolArray
+from ...projection.user_error import UserError
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.viewing_volume import Projection
 from ..portals.pixel_cone import PixelCone, pixel_cone
@@ -96,10 +96,6 @@ def rendering_cost(chords: float) -> float:
     return 1.0 + COST_RIG + COST_CHORD * chords
 
 
-class PlanError(TemplateError):
-    """The volume has no finite projector; the message says what to do."""
-
-
 def plan_chords(
     projections: Sequence[Projection],
     size: tuple[int, int],
@@ -111,7 +107,7 @@ def plan_chords(
     projections: the same volume at one or more frames; those whose spans differ from the first's
     (animated weights) are ignored. size: width and height of the image in pixels. pixel_error: as
     in ``casting.cast``. lines: cells of the surfaces' own grids, whose lines sheets should follow.
-    Raises PlanError if no projector is finite.
+    Raises UserError if no projector is finite.
     """
     first = projections[0]
     spans = first.volume.spans
@@ -122,7 +118,7 @@ def plan_chords(
         *(np.concatenate(parts, axis=2) for parts in zip(*(each.curves for each in sampled), strict=True))
     )
     if curves.points.shape[2] == 0:
-        raise PlanError("No projector of the volume is finite: check the transforms of its control surfaces")
+        raise UserError("No projector of the volume is finite: check the transforms of its control surfaces")
     missing = 1.0 - float(np.mean([np.mean(each.present) for each in sampled]))
     breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
     cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)

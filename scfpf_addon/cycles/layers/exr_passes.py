@@ -14,18 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.template_error import TemplateError
-
 MAGIC, MULTIPART, LONG_NAMES, VERSION = 20000630, 0x1000, 0x400, 2
 FLOAT32 = 2
 # The order of a pass's channels, which files have in another one.
 LETTERS = "RGBXYZWUVTArgba"
 # Bytes of a channel's entry after its name.
 CHANNEL_BYTES = 16
-
-
-class PassesError(TemplateError):
-    """A file does not hold passes as Blender writes them; the message says why."""
 
 
 class Pass(NamedTuple):
@@ -48,13 +42,12 @@ class _Part(NamedTuple):
 def read_passes(path: str, needed: Iterable[str] = ()) -> dict[str, Pass]:
     """Read the passes of a file's only view layer, by name.
 
-    path: of an uncompressed float32 file. needed: names of passes that it has to have. Raises PassesError, or
-    OSError.
+    path: of an uncompressed float32 file. needed: names of passes that it has to have. Raises OSError.
     """
     data = np.fromfile(path, np.uint8)
     raw = data.tobytes() if len(data) < 8 else bytes(data[:8])
     if len(raw) < 8 or struct.unpack("<i", raw[:4])[0] != MAGIC:
-        raise PassesError("'{0}' is not an OpenEXR file", path)
+        raise OSError(f"'{path}' is not an OpenEXR file")
     is_multipart = bool(struct.unpack("<i", raw[4:8])[0] & MULTIPART)
     parts, at = _headers(data, is_multipart)
     rows = sum(part.bottom - part.top + 1 for part in parts)
@@ -66,7 +59,7 @@ def read_passes(path: str, needed: Iterable[str] = ()) -> dict[str, Pass]:
         stride = line + 8 + 4 * is_multipart
         lines = data[at : at + height * stride]
         if len(lines) != height * stride:
-            raise PassesError("'{0}' is incomplete, part {1}", path, number + 1)
+            raise OSError(f"'{path}' is incomplete, part {number + 1}")
         lines = lines.reshape(height, stride)[:, stride - line :]
         values = np.ascontiguousarray(lines).view("<f4").reshape(height, len(part.channels), width)
         for channel, title in enumerate(part.channels):
@@ -75,7 +68,7 @@ def read_passes(path: str, needed: Iterable[str] = ()) -> dict[str, Pass]:
         at += height * stride
     for name in needed:
         if name not in found:
-            raise PassesError("'{0}' has no pass {1}", path, name)
+            raise OSError(f"'{path}' has no pass {name}")
     return {name: _pass(channels) for name, channels in found.items()}
 
 
@@ -148,12 +141,12 @@ def _header(data: NDArray[np.uint8], at: int) -> tuple[_Part, int]:
         found[name] = data[at + 4 : at + 4 + size].tobytes()
         at += 4 + size
     if found["compression"] != b"\0":
-        raise PassesError("Only uncompressed files can be read")
+        raise OSError("Only uncompressed files can be read")
     entries, names, place = np.frombuffer(found["channels"], np.uint8), [], 0
     while entries[place]:
         name, place = _text(entries, place)
         if int(entries[place : place + 4].view("<i4")[0]) != FLOAT32:
-            raise PassesError("Only channels of float32 can be read")
+            raise OSError("Only channels of float32 can be read")
         names.append(name)
         place += CHANNEL_BYTES
     left, top, right, bottom = struct.unpack("<4i", found["dataWindow"])

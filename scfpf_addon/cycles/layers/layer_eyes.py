@@ -20,14 +20,15 @@ from ...bridge.render.image_size import image_aspect, image_size
 from ...projection.mappings.stack import Stack
 from ...projection.surfaces.surface import Plane
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import Projection
 from ...scanline.generated_collection import follow_image_size
 from ...scanline.table.table_object import grid_cells
 from .. import hidden_surfaces
 from ..cautions import cautions
-from ..chords.chord_plan import ChordPlan, PlanError, plan_chords
-from ..rig_data import MODIFIER, RigError, check, check_surfaces, make_rig, remove_rig, rigs
+from ..chords.chord_plan import ChordPlan, plan_chords
+from ..rig_data import MODIFIER, check, check_surfaces, make_rig, remove_rig, rigs
 from ..skipping.refresh import write_skipping
 from .passing_scene import PassingScene
 
@@ -60,10 +61,10 @@ class View(NamedTuple):
 
 @contextmanager
 def seen_through(passing: PassingScene, view: View) -> Iterator[list[str]]:
-    """Let the passing scene be rendered through a view's camera; yields cautions. Raises RigError."""
+    """Let the passing scene be rendered through a view's camera; yields cautions. Raises UserError."""
     camera = object_by_uid(view.camera)
     if camera is None or passing.scene is None:
-        raise RigError(GONE)
+        raise UserError(GONE)
     kind = _rigged if view.place is None else _copied
     with kind(passing, camera, view) as found:
         yield found
@@ -100,10 +101,7 @@ def _plan(scene, camera, view: View) -> ChordPlan:
         max(1, round(n * share)) for n, share in zip(image_size(scene), view.frame.size, strict=True)
     )
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
-    try:
-        plan = plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
-    except PlanError as error:
-        raise RigError("{0}", error) from error
+    plan = plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
     return replace(plan, is_own_view=view.is_own)
 
 

@@ -111,7 +111,7 @@ def _gap(box: Box, blocks: list[Array]) -> float:
 
 
 def read_views(passing: PassingScene, camera) -> ReadViews:
-    """Read an image of the passing scene through a camera with layers. Raises one of RENDER_ERRORS."""
+    """Read an image of the passing scene through a camera with layers. Raises USER_ERRORS."""
     scene = passing.scene
     size = ready_size(scene, camera)
     return with_render_depsgraph(

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
-from ...projection.template_error import Message
 from ...projection.typing import Array, BoolArray
+from ...projection.user_error import Message
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
 from .covered_pixels import covered, without_neighbours
@@ -68,7 +68,7 @@ class LayeredRender:
     def steps(self, camera) -> Iterator[str]:
         """Yield the name of what is to be rendered: the caller has Blender render the passing scene.
 
-        Close the iterator to end early. Raises RigError, PassesError and RENDER_ERRORS.
+        Close the iterator to end early. Raises USER_ERRORS.
         """
         read = read_views(self._passing, camera)
         del camera

@@ -11,13 +11,13 @@ import bpy
 
 from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.scene_objects import object_by_uid, scene_by_uid
-from ...bridge.render.command_line import CYCLES_RENDERS, CommandError
-from ...bridge.render.image_file import ResultError, frame_file, is_multilayer, require_place, save_result
-from ...bridge.render.render_errors import RENDER_ERRORS, reason
+from ...bridge.blender.user_errors import USER_ERRORS, reason
+from ...bridge.render.command_line import CYCLES_RENDERS
+from ...bridge.render.image_file import frame_file, is_multilayer, require_place, save_result
 from ...bridge.render.result_image import keep_result, result_image, show_progress
-from ...projection.template_error import Message
-from ..rig_data import RigError, require_cycles
-from .exr_passes import Pass, PassesError
+from ...projection.user_error import Message, UserError
+from ..rig_data import require_cycles
+from .exr_passes import Pass
 from .joined_passes import COMBINED
 from .layered_render import LayeredRender
 from .passes_image import deliver_passes
@@ -26,7 +26,6 @@ from .passing_scene import PassingScene
 NOT_RENDERED = "Cycles has written no picture: look at the system console for its reason"
 LOST = "The scene or the camera was deleted meanwhile: render again"
 # Bad input raises one of these; other errors are bugs.
-LAYERS_ERRORS = (RigError, ResultError, *RENDER_ERRORS)
 
 
 class LayersJob:
@@ -39,7 +38,7 @@ class LayersJob:
     def __init__(self, context, camera, frames: Sequence[int] = (), path: str = "") -> None:
         """frames: of an animation, none for the scene's present frame. path: of files, see ``frame_file``.
 
-        Raises LAYERS_ERRORS.
+        Raises USER_ERRORS.
         """
         scene = context.scene
         require_cycles(scene)
@@ -64,7 +63,7 @@ class LayersJob:
     def step(self) -> bool:
         """Take what Blender has rendered, and prepare its next render; False after the last picture.
 
-        Raises LAYERS_ERRORS. After any error only ``close`` is left to be called.
+        Raises USER_ERRORS. After any error only ``close`` is left to be called.
         """
         with all_or_nothing():
             return self._next_render()
@@ -79,19 +78,19 @@ class LayersJob:
                 return True
             except StopIteration:
                 self._deliver()
-            except (PassesError, FileNotFoundError) as error:
-                raise RigError(NOT_RENDERED) from error
+            except OSError as error:
+                raise UserError(NOT_RENDERED) from error
         return False
 
     def render(self, in_window: bool) -> None:
-        """Have Blender render: in a job of its own in a window, else at once. Raises RigError."""
+        """Have Blender render: in a job of its own in a window, else at once. Raises UserError."""
         assert self._passing is not None
         call = ("INVOKE_DEFAULT",) if in_window else ()
         try:
             bpy.ops.render.render(*call, write_still=True, use_viewport=False, scene=self._passing.name)
         except RuntimeError as error:
             reason = str(error).removeprefix("Error: ").strip()
-            raise RigError("Blender does not render: {0}", reason) from error
+            raise UserError("Blender does not render: {0}", reason) from error
 
     @property
     def progress(self) -> Message:
@@ -125,7 +124,7 @@ class LayersJob:
         while self._frames:
             scene, camera = scene_by_uid(self._scene), object_by_uid(self._camera)
             if scene is None or camera is None:
-                raise RigError(LOST)
+                raise UserError(LOST)
             frame = self._frames.pop(0)
             is_there = self._path and self._is_animation and os.path.exists(self._file(frame))
             if is_there and not scene.render.use_overwrite:
@@ -177,11 +176,11 @@ class LayersJob:
 
 
 def render_for_command(camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:
-    """Render files for the command line; return warnings and what was rendered. Raises CommandError."""
+    """Render files for the command line; return warnings and what was rendered. Raises UserError."""
     try:
         job = render_layers(bpy.context, camera, frames, path)
-    except LAYERS_ERRORS as error:
-        raise CommandError(reason(error)) from error
+    except USER_ERRORS as error:
+        raise UserError(reason(error)) from error
     return job.warnings, job.outcome
 
 
@@ -194,7 +193,7 @@ def unregister():
 
 
 def render_layers(context, camera, frames: Sequence[int] = (), path: str = "") -> LayersJob:
-    """Do all of a ``LayersJob`` at once, and return it. Raises LAYERS_ERRORS; earlier files stay then."""
+    """Do all of a ``LayersJob`` at once, and return it. Raises USER_ERRORS; earlier files stay then."""
     job = LayersJob(context, camera, frames, path)
     try:
         while job.step():

@@ -17,7 +17,7 @@ from bpy.app.handlers import persistent
 from ...bridge.blender.app_handlers import add_handlers, remove_handlers
 from ...bridge.blender.packing import LARGEST_FILE, TOO_LARGE
 from ...bridge.render.result_image import redraw_image_editors
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from .exr_passes import Pass, write_passes
 
 IMAGE_NAME = "SCFPF Render Passes"

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ...projection.template_error import Message
+from ...projection.user_error import Message
 from ..aov_passes import AOVS
 
 # The start of the properties of a view layer, and of Cycles' settings of it, that switch passes.

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...bridge.mappings.mapping_edits import MappingError
 from ...bridge.render.image_size import image_aspect
 from ...projection.mappings.stack import mapped_places
 from ...projection.typing import Array
+from ...projection.user_error import UserError
 from ...scanline.table.mapping_table import image_mappings
 from .sheets import disc_places, disc_square
 
@@ -28,7 +28,7 @@ def mapped_positions(camera, scene, places: Array, disc: bool) -> Array:
     result = np.stack([places[0], places[1], np.full(places.shape[1], float(OWN))])
     try:
         mappings = image_mappings(camera, scene)
-    except MappingError:
+    except UserError:
         return result
     if not mappings:
         return result

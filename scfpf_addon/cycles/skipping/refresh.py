@@ -65,7 +65,7 @@ def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
 
     In a scene that moves it is empty at all frames of the scene, if these do not take too long; else at the
     present one, as for a rig of one render. If the volume moves, only an animation that is to be rendered is
-    worth that; and the passes, to which the mesh adds the lengths of chords, need one frame. Raises RigError
+    worth that; and the passes, to which the mesh adds the lengths of chords, need one frame. Raises UserError
     without Cycles.
     """
     settings, frames = rig.scfpf_rig, present_frames(rig)

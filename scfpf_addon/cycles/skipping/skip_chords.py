@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import bpy
 
-from ...bridge.camera.read_projection import ProjectionError
 from ...bridge.render.image_size import image_size
 from ...bridge.scene.mesh_arrays import foreach
-from ...bridge.scene.render_depsgraph import RenderDepsgraphError, with_render_depsgraph
+from ...bridge.scene.render_depsgraph import with_render_depsgraph
 from ...casting.cells.occupied_chords import occupied_chords
 from ...projection.typing import Array, BoolArray
+from ...projection.user_error import UserError
 from ..chords.chord_plan import ChordPlan
 from ..portals.paths import Faces, faces_of
 from ..portals.sheets import first_sheet, sheet_shape
@@ -111,7 +111,7 @@ class _Search:
         try:
             for layer in scene.view_layers:
                 with_render_depsgraph(scene, layer, self._of_layer, with_time=True)
-        except (Unbounded, RenderDepsgraphError, ProjectionError) as error:
+        except (Unbounded, UserError) as error:
             raise NotSkipping(str(error)) from error
         finally:
             if self._look.apart:

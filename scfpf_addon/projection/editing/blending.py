@@ -14,8 +14,8 @@ from math import comb, lcm
 
 import numpy as np
 
+from ...projection.user_error import UserError
 from ..arrays import bilinear_net
-from ..template_error import TemplateError
 from ..typing import Array
 from ..volume.basis import BasisKind
 from ..volume.reparameterisation import Polar
@@ -35,10 +35,6 @@ SMOOTH_FACES, SHARP_FACES = 64, FACES[-1]
 SMALLEST_SIZE = 1e-300
 # Places that are looked at along each side of a face.
 STEPS = 4
-
-
-class BlendError(TemplateError):
-    """Projections that cannot be blended; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +64,7 @@ def blended(
 
     least_faces: of the grids along each axis, at most SHARP_FACES. Polar images without mappings give a polar
     blend. seams: sharp fields, whose borders cut the image, of this aspect, unless the blend is polar.
-    Raises BlendError where one image has holes.
+    Raises UserError where one image has holes.
     """
     polar = all(isinstance(p.reparameterisation, Polar) for p in ends)
     basis, matrices, times = _common(ends)
@@ -162,7 +158,7 @@ def _points_at(
         shown = shown | isinstance(projection.reparameterisation, Polar)
     controls = projection.volume.controls(u, v)
     if not (controls.valid & shown).all() or not np.isfinite(controls.points).all():
-        raise BlendError("The picture of one camera has empty parts, which have nothing to be blended with")
+        raise UserError("The picture of one camera has empty parts, which have nothing to be blended with")
     if matrix is None:
         weights, _ = projection.volume.spans.weights(times)
         matrix = weights.T

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...projection.user_error import UserError
 from ..surfaces.nurbs import Basis, NurbsAxis, NurbsPatch, fitted_points, functions
 from ..surfaces.surface import ControlSurface, Grid
 from ..typing import Array, IndexArray
-from .volume_edits import EditingError, sampled
+from .volume_edits import sampled
 
 # Basis functions that differ by less are the same: they are near 1, least squares rounds to about 1e-13.
 SAME = 1e-9
@@ -22,7 +23,7 @@ CUBIC = 4
 def refined(patch: NurbsPatch, along_u: bool, along_v: bool) -> NurbsPatch:
     """The same patch with the fewest control points more along u, v or both: its pieces are halved.
 
-    Knot insertion, as one matrix an axis. Raises EditingError where Blender's knots have no such patch.
+    Knot insertion, as one matrix an axis. Raises UserError where Blender's knots have no such patch.
     """
     points = np.asarray(patch.points, np.float64)
     weighted = points.shape[2] == 4
@@ -50,7 +51,7 @@ def _refinement(axis: NurbsAxis, count: int) -> Array:
         if np.abs(after @ solution - before).max() < SAME:
             result: Array = solution
             return result
-    raise EditingError(
+    raise UserError(
         "This patch cannot be subdivided and stay the same: switch on Endpoint, or Bézier off, in its "
         "Active Spline settings"
     )
@@ -59,7 +60,7 @@ def _refinement(axis: NurbsAxis, count: int) -> Array:
 def reversing(axis: NurbsAxis, count: int) -> IndexArray:
     """The order of an axis's control points, (count,), in which the patch runs backwards.
 
-    Raises EditingError where Blender's knots are not the same from both ends.
+    Raises UserError where Blender's knots are not the same from both ends.
     """
     place = np.linspace(0.0, 1.0, SAMPLES * count + 1)[1:-1]  # not the ends: of a closed axis they are one
     there, back = functions(Basis(axis, count), place), functions(Basis(axis, count), 1.0 - place)
@@ -67,7 +68,7 @@ def reversing(axis: NurbsAxis, count: int) -> IndexArray:
         order: IndexArray = (shift - np.arange(count)) % count
         if np.abs(there - back[:, order]).max() < SAME:
             return order
-    raise EditingError("The knots of this patch are not alike from both ends: convert it to a grid first")
+    raise UserError("The knots of this patch are not alike from both ends: convert it to a grid first")
 
 
 def patch_near(surface: ControlSurface, columns: int, rows: int) -> NurbsPatch:
@@ -75,7 +76,7 @@ def patch_near(surface: ControlSurface, columns: int, rows: int) -> NurbsPatch:
 
     Exact for what is bilinear; a grid of at least 3 × 3 points becomes a patch of order 2 with these points,
     exactly. Others by least squares, with an error that falls as the fourth power of the
-    number of points. Raises EditingError for a surface with holes.
+    number of points. Raises UserError for a surface with holes.
     """
     if isinstance(surface, Grid) and min(surface.points.shape[:2]) > 2:
         across, up = surface.points.shape[1], surface.points.shape[0]

@@ -34,7 +34,7 @@ def change(before: ControlSurface, after: ControlSurface, columns: int, rows: in
 def patch_within(surface: ControlSurface, share: float) -> NurbsPatch:
     """The ``patch_near`` with about the fewest points whose error is at most a share of the size.
 
-    With MOST_POINTS along both axes the error may be larger. Raises EditingError for a surface with holes.
+    With MOST_POINTS along both axes the error may be larger. Raises UserError for a surface with holes.
     """
     counts = (CUBIC, CUBIC)
     best, off = _patch(surface, counts)
@@ -61,7 +61,7 @@ def _more(count: int, most: int) -> int:
 def grid_within(surface: ControlSurface, share: float) -> tuple[int, int]:
     """Faces along u and along v, up to MOST_FACES, of a grid with an error of about a share of the size.
 
-    Raises EditingError for a surface with holes.
+    Raises UserError for a surface with holes.
     """
     error = share * float(np.ptp(sampled(surface, LINES, LINES).reshape(-1, 3), axis=0).max())
     # The two directions' errors add up; one may use what the other leaves.

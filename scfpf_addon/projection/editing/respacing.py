@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...projection.user_error import UserError
 from ..surfaces.surface import ControlSurface
 from ..typing import Array
-from .volume_edits import HOLES, EditingError, sampled
+from .volume_edits import HOLES, sampled
 
 # Steps along a line are even when they differ by no more than this share of their mean.
 EVEN = 1e-4
@@ -21,7 +22,7 @@ def equalised(
     """Points (rows, columns, 3) of a surface, in volume space, in even steps along their lines.
 
     along_u: along each row of points; along_v: along each column. Every line stays in its place if
-    only one is asked for. Also returns the ``unevenness`` that is left. Raises EditingError for a surface
+    only one is asked for. Also returns the ``unevenness`` that is left. Raises UserError for a surface
     with holes.
     """
     sampled(surface, columns, rows)  # refuses holes
@@ -52,7 +53,7 @@ def unevenness(points: Array, axis: int) -> float:
 def _points(surface: ControlSurface, u: Array, v: Array) -> Array:
     placed = surface.positions(u.ravel(), v.ravel())
     if not placed.valid.all():
-        raise EditingError(HOLES)
+        raise UserError(HOLES)
     return placed.position.T.reshape(*u.shape, 3)
 
 

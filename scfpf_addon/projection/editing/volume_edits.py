@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...projection.user_error import UserError
 from ..surfaces.kinds import PARAMETRIC_KINDS, Axis, Numbers, parametric_kind
 from ..surfaces.surface import BilinearPatch, ControlSurface, Grid, Plane, Point
-from ..template_error import TemplateError
 from ..typing import Array
 from ..volume.basis import B_SPLINE_DEGREE
 from ..volume.viewing_volume import ViewingVolume
@@ -22,10 +22,6 @@ SAME_SHARE = 1e-5
 # The most cells along one direction of a grid that holds two grids' lines at once.
 MOST_CELLS = 512
 HOLES = "A control surface has holes, which a grid cannot have: fill them first"
-
-
-class EditingError(TemplateError):
-    """An edit that this surface or volume does not allow; the message says what to do."""
 
 
 class Shape(NamedTuple):
@@ -50,11 +46,11 @@ def lattice(columns: int, rows: int) -> tuple[Array, Array]:
 def sampled(surface: ControlSurface, columns: int, rows: int) -> Array:
     """Points (rows, columns, 3) of a surface on an even lattice, in volume space.
 
-    Raises EditingError for a surface with holes.
+    Raises UserError for a surface with holes.
     """
     placed = surface.evaluate(*lattice(columns, rows))
     if not placed.valid.all():
-        raise EditingError(HOLES)
+        raise UserError(HOLES)
     return placed.position.T.reshape(rows, columns, 3)
 
 
@@ -98,7 +94,7 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
 
     BEZIER: degree elevation, Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m; the ends stay. POLYLINE:
     a surface half-way between the one at ``index`` and the next. B_SPLINE and NURBS: up to three surfaces
-    are elevated, of four the span is cut in two at t = 1/2. Raises EditingError for more: no even spacing of
+    are elevated, of four the span is cut in two at t = 1/2. Raises UserError for more: no even spacing of
     knots with one surface more leaves the volume as it is.
     """
     surfaces, count = volume.surfaces, len(volume.surfaces)
@@ -111,7 +107,7 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
         # The blossom at (0, 0, ½), (0, ½, 1) and (½, 1, 1).
         shares = [0.5] * (count - 1)
     else:
-        raise EditingError(
+        raise UserError(
             "B-spline and NURBS projectors of more than four surfaces change with each new one: "
             "choose another Shape of the projectors first"
         )
@@ -195,14 +191,14 @@ def _same_kind(first: ControlSurface, second: ControlSurface, weight: float) -> 
 def mirrored(kind: str, parameters: Numbers, axis: Axis) -> tuple[Array, dict[str, float]]:
     """The matrix (4, 4) and the parameters that make Q(1-u, v) or Q(u, 1-v) of a parametric surface.
 
-    The matrix goes between the surface's own shape and its placement. Raises EditingError for V of a disc,
+    The matrix goes between the surface's own shape and its placement. Raises UserError for V of a disc,
     whose rim cannot become its centre, and for kinds without parameters.
     """
     if kind not in PARAMETRIC_KINDS:
-        raise EditingError("a surface of kind {0} is not mirrored by its parameters", kind)
+        raise UserError("a surface of kind {0} is not mirrored by its parameters", kind)
     record = PARAMETRIC_KINDS[kind]
     if axis not in record.mirrors:
-        raise EditingError(
+        raise UserError(
             "the rim of a {0} cannot become its center: convert it to a grid first", record.title.lower()
         )
     mirror, changed = record.mirrors[axis], dict(parameters)
@@ -215,20 +211,20 @@ def mirrored(kind: str, parameters: Numbers, axis: Axis) -> tuple[Array, dict[st
 def scaled(kind: str, parameters: Numbers, scale: Sequence[float]) -> dict[str, float]:
     """The parameters of a parametric surface whose lengths are those of one scaled by ``scale`` (3,).
 
-    Signs do not count: the object keeps them. Raises EditingError for a scale of 0, for a radius whose axes
+    Signs do not count: the object keeps them. Raises UserError for a scale of 0, for a radius whose axes
     are scaled differently, and for kinds without parameters.
     """
     if kind not in PARAMETRIC_KINDS:
-        raise EditingError("a surface of kind {0} has no sizes to put a scale into", kind)
+        raise UserError("a surface of kind {0} has no sizes to put a scale into", kind)
     changed = dict(parameters)
     for one in PARAMETRIC_KINDS[kind].parameters:
         if one.is_angle:
             continue
         factors = [abs(scale["XYZ".index(axis)]) for axis in one.axes]
         if min(factors) == 0.0:
-            raise EditingError("its scale is 0, and no size is")
+            raise UserError("its scale is 0, and no size is")
         if max(factors) - min(factors) > SAME_SHARE * max(factors):
-            raise EditingError("it is scaled unevenly and no longer round: convert it to a grid first")
+            raise UserError("it is scaled unevenly and no longer round: convert it to a grid first")
         changed[one.name] = parameters[one.name] * factors[0]
     return changed
 

@@ -37,7 +37,7 @@ def stored_surface(
 
     kind, parameters, points, matrix: its description as in ``kinds.surface_from_parameters``. Without one, or
     with one that does not match (modifiers, other knots, a sheared matrix), the surface becomes a grid in
-    camera space. A UV mesh described as one stays one, in camera space, with its holes. Raises EditingError
+    camera space. A UV mesh described as one stays one, in camera space, with its holes. Raises UserError
     for any other surface with holes.
     """
     if kind == "UV_MESH" and isinstance(surface, UVMesh) and len(surface.chart.uv) <= MOST_TRIANGLES:

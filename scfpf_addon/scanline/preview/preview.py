@@ -21,10 +21,10 @@ from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_han
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.scene.read_materials import volume_only_materials
 from ...bridge.sync.handlers import sync as sync_volumes
+from ...projection.user_error import UserError
 from ..table.mapping_table import image_signature
 from . import preview_drafts, preview_viewports
 from .preview_data import (
-    PreviewError,
     add_parts,
     copied_shelves,
     hide_in_layers,
@@ -73,7 +73,7 @@ def _state(source) -> _State:
 def switch_on(context, camera):
     """Preview a camera, in a viewport of its own unless Blender has no window; return the source collection.
 
-    Raises PreviewError or ViewportError; after any error all is as before.
+    Raises UserError; after any error all is as before.
     """
     with switched_on(context, camera) as source:
         return source
@@ -131,7 +131,7 @@ def _put_into(source, name: str) -> None:
 
 
 def show(context, source) -> None:
-    """Open a viewport of a preview; raises ViewportError."""
+    """Open a viewport of a preview; raises UserError."""
     preview_viewports.open_viewport(context, source)
     _sync_sleep()
 
@@ -229,7 +229,7 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         try:
             update_pictures(source)
             settings.problem = ""
-        except PreviewError as error:
+        except UserError as error:
             settings.problem = str(error)
     if not bpy.app.background:
         _sync_sleep()
@@ -338,7 +338,7 @@ def _sync_viewports() -> None:
                 try:
                     with bpy.context.temp_override(window=window):
                         preview_viewports.open_viewport(bpy.context, source)
-                except preview_viewports.ViewportError as error:
+                except preview_viewports.UserError as error:
                     source.scfpf_preview.problem = str(error)
     _sync_sleep()
 

@@ -16,7 +16,7 @@ from ...bridge.blender.scene_objects import delete_with_data
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
 from ...projection.presets.preset import MAXIMUM_SURFACES
-from ...projection.template_error import Message, TemplateError
+from ...projection.user_error import Message, UserError
 from ..generated_collection import (
     follow_image_size,
     is_complete,
@@ -41,10 +41,6 @@ UNSCALED = "SCFPF Unscaled"
 FRAME_WIDTH, FRAME_NEAR, FRAME_FAR = 1.0, 1.0, 2.0
 # The clip range is wider than the viewbox by this share of its depth: float32 must not clip its ends.
 CLIP_MARGIN = 1e-4
-
-
-class PreviewError(TemplateError):
-    """The preview cannot be made. The message says what to do."""
 
 
 def previews() -> list:
@@ -76,10 +72,10 @@ def pictures_of(source) -> list:
 def make_preview(scene, view_layer, camera):
     """Make all datablocks of a camera's preview; return its source collection, which is still empty.
 
-    Raises PreviewError; nothing is left behind then.
+    Raises UserError; nothing is left behind then.
     """
     if problem := linked_text(scene, camera, Message("preview it there")):
-        raise PreviewError(problem)
+        raise UserError(problem)
     _check_surfaces(camera)
     sync_volume_object(camera)
     table = table_object.table_object(camera, scene=scene)
@@ -103,15 +99,13 @@ def make_preview(scene, view_layer, camera):
 def _check_surfaces(camera) -> None:
     surfaces = [slot.object for slot in camera.scfpf.surfaces]
     if any(surface is not None and surface.scfpf_surface.kind == LATTICE_KIND for surface in surfaces):
-        raise PreviewError(
+        raise UserError(
             "'{0}' holds a lattice, which the nodes preview cannot follow: render it with SCFPF", camera.name
         )
     if len(surfaces) < 2 or None in surfaces:
-        raise PreviewError(
-            "'{0}' needs at least two control surfaces before it can be previewed", camera.name
-        )
+        raise UserError("'{0}' needs at least two control surfaces before it can be previewed", camera.name)
     if len(surfaces) > MAXIMUM_SURFACES:
-        raise PreviewError(
+        raise UserError(
             "'{0}' has more than {1} control surfaces: remove some", camera.name, MAXIMUM_SURFACES
         )
 
@@ -167,7 +161,7 @@ def _new_view_camera(camera):
 def update_pictures(source) -> None:
     """Bring the table and the modifiers in step with the camera's surfaces and settings.
 
-    Raises PreviewError; nothing is changed then.
+    Raises UserError; nothing is changed then.
     """
     settings = source.scfpf_preview
     camera = settings.camera

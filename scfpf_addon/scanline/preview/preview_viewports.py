@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...projection.template_error import TemplateError
+from ...projection.user_error import UserError
 from .preview_data import pictures_of
 
 # A viewport narrower than twice this, in pixels at interface scale 1, is not split.
@@ -22,10 +22,6 @@ COLORS = {"MATERIAL", "SINGLE", "TEXTURE", "VERTEX"}
 
 # Addresses of the areas that showed a preview: nothing else tells them once its camera is gone.
 _shown_in: set[int] = set()
-
-
-class ViewportError(TemplateError):
-    """No viewport can show the preview. The message says why."""
 
 
 def _viewports():
@@ -77,10 +73,10 @@ def close_orphans() -> None:
 def open_viewport(context, source) -> None:
     """Show a preview beside the present viewport if there is room, else in a window of its own.
 
-    Raises ViewportError; nothing is left open then.
+    Raises UserError; nothing is left open then.
     """
     if bpy.app.background:
-        raise ViewportError("Blender runs in the background: there is no window to show the preview in")
+        raise UserError("Blender runs in the background: there is no window to show the preview in")
     window, beside = _roomiest(context, source.scfpf_preview.scene)
     area = None
     try:
@@ -93,7 +89,7 @@ def open_viewport(context, source) -> None:
         if area is not None:
             close_viewport(window, area)
         if isinstance(error, RuntimeError):
-            raise ViewportError("No viewport can show the preview: {0}", error) from error
+            raise UserError("No viewport can show the preview: {0}", error) from error
         raise
 
 

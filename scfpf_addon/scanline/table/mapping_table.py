@@ -12,13 +12,12 @@ from math import tau
 import bpy
 import numpy as np
 
-from ...bridge.blender.mesh_grid import SurfaceError
-from ...bridge.mappings.mapping_edits import MappingError
 from ...bridge.mappings.read_mappings import mapping_signature, read_mappings
 from ...bridge.render.image_size import image_aspect
 from ...bridge.surfaces.kinds import PARAMETRIC_KINDS
 from ...bridge.surfaces.surface_object import surface_parameters
 from ...projection.mappings.stack import BORDER, is_disc, mapped_places, seen_through
+from ...projection.user_error import UserError
 from ...projection.volume.reparameterisation import Polar, reparameterisation
 
 # A twentieth of a pixel of a thousand.
@@ -44,7 +43,7 @@ def image_signature(camera, scene) -> tuple:
 
 
 def image_mappings(camera, scene) -> tuple:
-    """The image mappings of a camera in a scene. Raises MappingError."""
+    """The image mappings of a camera in a scene. Raises UserError."""
     return read_mappings(camera, _depsgraph(scene))
 
 
@@ -66,7 +65,7 @@ def store_parameters(table, camera, scene, least_cells: tuple[int, int]) -> dict
         return {"Pictured": UNUSED, "Disc": 1}
     try:
         mappings = image_mappings(camera, scene)
-    except MappingError:
+    except UserError:
         return {"Pictured": UNUSED, "Disc": 1}
     aspect, settings = image_aspect(scene), camera.scfpf
     disc = is_disc(seen_through(mappings, reparameterisation(settings.reparameterisation)), aspect)
@@ -145,7 +144,7 @@ def _has_seam(camera) -> bool:
             return True
         try:
             arc = surface_parameters(surface).get("arc", 0.0)
-        except SurfaceError:
+        except UserError:
             return True
         if arc < tau - FULL_TURN:
             return True

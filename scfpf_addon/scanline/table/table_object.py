@@ -6,9 +6,10 @@ from __future__ import annotations
 import bpy
 
 from ...bridge.blender.drivers import follow_property
-from ...bridge.blender.mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
+from ...bridge.blender.mesh_grid import UV_LAYER, grid_points, uv_layer
 from ...bridge.blender.modifier_inputs import input_property, renew_relations, set_inputs
 from ...projection.surfaces.kinds import PARAMETRIC_KINDS, SURFACE_KINDS
+from ...projection.user_error import UserError
 from .mapping_table import store_parameters
 from .table_nodes import table_group
 
@@ -162,7 +163,7 @@ def _own_cells(surface) -> tuple[int, int]:
     if kind == "GRID":
         try:
             points = grid_points(surface)
-        except SurfaceError:
+        except UserError:
             return CURVED_CELLS
         return points.shape[1] - 1, points.shape[0] - 1
     straight = SURFACE_KINDS[kind].straight if kind in SURFACE_KINDS else ""

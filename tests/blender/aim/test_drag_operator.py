@@ -43,7 +43,7 @@ def test_size_and_turn_are_relative(camera):
 
 
 def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monkeypatch):
-    module, error = addon("operators.aim.drag"), addon("bridge.aim.target_views").AimError
+    module, error = addon("operators.aim.drag"), addon("projection.user_error").UserError
     target, before = camera.scfpf.aim_targets[0], points_of(camera)
     place = tuple(target.position)
 

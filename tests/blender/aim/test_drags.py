@@ -66,7 +66,7 @@ def test_a_drag_that_is_not_taken_leaves_the_volume(solved, addon, monkeypatch):
     drag.step(depsgraph())
     judge = addon("casting.aim.judge")
     monkeypatch.setattr(judge.Judgement, "worse_than", lambda _self, _old: "MIRRORED")
-    with pytest.raises(addon("bridge.aim.target_views").AimError, match="Not taken"):
+    with pytest.raises(addon("projection.user_error").UserError, match="Not taken"):
         addon("bridge.aim.solve_work").run_through(drag.finishing(depsgraph()))
     assert np.array_equal(points_of(solved), before)
 
@@ -85,7 +85,7 @@ def test_a_drag_ends_when_its_camera_is_gone(solved, addon):
     drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
     bpy.data.objects.remove(solved)
     bpy.context.view_layer.update()
-    with pytest.raises(addon("bridge.aim.target_views").AimError, match="begin again"):
+    with pytest.raises(addon("projection.user_error").UserError, match="begin again"):
         drag.step(depsgraph())
 
 
@@ -286,6 +286,6 @@ def test_keyframed_surfaces_are_not_dragged(addon):
     camera = turned_view(box_scene(bpy.context.scene), 0.0)
     camera.scfpf.surfaces[1].keyframe_insert("weight", frame=1)
     before = snapshot(camera)
-    with pytest.raises(addon("bridge.aim.target_views").AimError, match="keyframed: press Solve first"):
+    with pytest.raises(addon("projection.user_error").UserError, match="keyframed: press Solve first"):
         addon("bridge.aim.drag").AimDrag(camera, depsgraph())
     assert snapshot(camera) == before

@@ -153,7 +153,7 @@ WAYS = [by_button, by_drag, by_keys, by_live_aim]
 
 def told(camera, addon, way):
     """The outcome of a way to a solution: an error or the result."""
-    errors = addon("operators.common.errors").BAD_INPUT
+    errors = addon("bridge.blender.user_errors").USER_ERRORS
     try:
         return way(camera, addon)
     except (RuntimeError, *errors) as error:

@@ -193,7 +193,7 @@ def test_a_camera_that_is_deleted_meanwhile_is_told(scene, addon):
     camera, work = turned_view(scene), addon("bridge.aim.solve_work")
     watched = work.WatchedSolve(addon("bridge.aim.keyed_targets").solving_animation(camera, bpy.context))
     bpy.data.objects.remove(camera)
-    with pytest.raises(addon("bridge.aim.target_views").AimError, match="The camera is gone"):
+    with pytest.raises(addon("projection.user_error").UserError, match="The camera is gone"):
         while not watched.is_done():
             time.sleep(0.005)
 

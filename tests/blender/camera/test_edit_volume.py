@@ -160,13 +160,13 @@ def test_linked_cameras_and_surfaces_refuse_and_overrides_do_not(addon, tmp_path
         bpy.context.scene.collection.objects.link(obj)
     bpy.context.scene.camera = camera
     mode = addon("bridge.volume.edit_mode")
-    with pytest.raises(mode.EditVolumeError, match="library override"):
+    with pytest.raises(mode.UserError, match="library override"):
         mode.set_edit_volume(camera, True)
     with pytest.raises(RuntimeError, match="library override"):
         bpy.ops.scfpf.edit_volume()
     assert not camera.scfpf.edit_volume
     local = camera.override_create(remap_local_usages=True)
-    with pytest.raises(mode.EditVolumeError, match=r"'(Near|Far)' is linked.*library override"):
+    with pytest.raises(mode.UserError, match=r"'(Near|Far)' is linked.*library override"):
         mode.set_edit_volume(local, True)
     assert not local.scfpf.edit_volume
     bpy.context.scene.camera = local

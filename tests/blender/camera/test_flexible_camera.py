@@ -66,7 +66,7 @@ def test_list_order(bridge, camera):
     assert {o.name for o in bpy.data.objects} == {"Camera", "Camera Volume"}
     assert [g.name for g in bpy.data.node_groups if g.name.startswith("SCFPF Volume")] == ["SCFPF Volume 0"]
     for wrong in (-1, 0, 5):
-        with pytest.raises(bridge.FlexibleCameraError, match="no control surface at place"):
+        with pytest.raises(bridge.UserError, match="no control surface at place"):
             bridge.remove_surface(camera, wrong)
 
 
@@ -145,7 +145,7 @@ def test_what_is_no_camera_or_no_mesh_is_refused(bridge, camera):
         lambda: bridge.attach_surface(camera, camera.scfpf.volume_object),
         lambda: bridge.attach_surface(camera, camera),
     ):
-        with pytest.raises(bridge.FlexibleCameraError):
+        with pytest.raises(bridge.UserError):
             call()
     assert names(camera) == []
 
@@ -153,7 +153,7 @@ def test_what_is_no_camera_or_no_mesh_is_refused(bridge, camera):
 def test_a_failed_add_leaves_nothing(bridge, addon, camera):
     bridge.make_flexible(camera)
     before = set(bpy.data.objects)
-    with pytest.raises(addon("bridge.surfaces.surface_object").SurfaceError):
+    with pytest.raises(addon("projection.user_error").UserError):
         bridge.add_surface(camera, "PLANE", parameters={"radius": 3})
     assert set(bpy.data.objects) == before and names(camera) == []
 

@@ -184,7 +184,7 @@ def test_what_makes_no_volume_is_said(bridge, reading, camera):
     lattice = add_lattice(bridge, camera, (2, 2, 2))
 
     def refused(match):
-        with pytest.raises(reading.ProjectionError, match=match):
+        with pytest.raises(reading.UserError, match=match):
             reading.read_projection(camera, bpy.context.evaluated_depsgraph_get(), 1.0)
 
     lattice.data.points_w = 1
@@ -202,7 +202,7 @@ def test_what_makes_no_volume_is_said(bridge, reading, camera):
 
 
 def test_bad_points_leave_nothing_behind(addon, bridge, camera):
-    error = addon("bridge.surfaces.surface_object").SurfaceError
+    error = addon("projection.user_error").UserError
     before = len(bpy.data.lattices), len(bpy.data.objects)
     for points in (np.zeros((2, 2, 3)), np.full((2, 2, 2, 3), np.inf), np.zeros((1, 2, 2, 3))):
         with pytest.raises(error):

@@ -217,7 +217,7 @@ def test_a_lost_volume_object_is_named_or_not_needed(without_handlers, bridge, r
     bpy.data.objects.remove(camera.scfpf.volume_object)
     assert len(read(reading, camera).volume.surfaces) == 2
     far.hide_viewport = True
-    with pytest.raises(reading.ProjectionError, match=r"'Far' is hidden.*volume object"):
+    with pytest.raises(reading.UserError, match=r"'Far' is hidden.*volume object"):
         read(reading, camera)
     bridge.sync_volume_object(camera)
     assert read(reading, camera).volume.surfaces[1].radius == 4
@@ -227,7 +227,7 @@ def test_a_lost_volume_object_is_named_or_not_needed(without_handlers, bridge, r
         (volume.modifiers[0], "show_viewport", False),
     ):
         setattr(owner, switch, value)
-        with pytest.raises(reading.ProjectionError, match="'Far' is hidden"):
+        with pytest.raises(reading.UserError, match="'Far' is hidden"):
             read(reading, camera)
         assert bridge.sync_volume_object(camera) == volume
         assert read(reading, camera).volume.surfaces[1].radius == 4
@@ -421,14 +421,14 @@ def empty_range(bridge, camera, near, far):
 def test_bad_input_is_named(bridge, reading, camera, damage, message):
     near, far = near_and_far(bridge, camera)
     damage(bridge, camera, near, far)
-    with pytest.raises(reading.ProjectionError, match=message):
+    with pytest.raises(reading.UserError, match=message):
         read(reading, camera)
 
 
 @pytest.mark.parametrize("aspect", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_picture_without_size_is_refused(bridge, reading, camera, aspect):
     near_and_far(bridge, camera)
-    with pytest.raises(reading.ProjectionError, match="resolution"):
+    with pytest.raises(reading.UserError, match="resolution"):
         read(reading, camera, aspect)
 
 
@@ -438,7 +438,7 @@ def test_a_point_may_have_no_scale(bridge, reading, camera):
     point.scale = 0, 0, 0
     assert type(read(reading, camera).volume.surfaces[0]).__name__ == "Point"
     point.location.x = float("nan")
-    with pytest.raises(reading.ProjectionError, match="'Point' is not finite"):
+    with pytest.raises(reading.UserError, match="'Point' is not finite"):
         read(reading, camera)
 
 
@@ -448,5 +448,5 @@ def test_a_deleted_surface_of_a_doubled_name_is_found(bridge, reading, camera):
     bpy.context.scene.collection.objects.unlink(far)
     far.name = "Old"
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Far", None))
-    with pytest.raises(reading.ProjectionError, match="'Old' was deleted"):
+    with pytest.raises(reading.UserError, match="'Old' was deleted"):
         read(reading, camera)

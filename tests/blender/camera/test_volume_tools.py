@@ -125,7 +125,7 @@ def test_a_failed_insert_leaves_nothing_behind(addon, monkeypatch):
 
     def second_fails(camera, kind, index, **given):
         if index == 2:
-            raise addon("bridge.surfaces.surface_object").SurfaceError("no")
+            raise addon("projection.user_error").UserError("no")
         return add(camera, kind, index=index, **given)
 
     monkeypatch.setattr(edits, "add_surface", second_fails)

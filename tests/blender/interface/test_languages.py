@@ -94,7 +94,7 @@ def test_a_po_file_is_read_with_contexts_and_continued_lines(languages):
 
 
 def test_messages_put_values_into_translated_templates(addon, monkeypatch):
-    words, errors = addon("operators.common.words"), addon("bridge.render.render_errors")
+    words, errors = addon("operators.common.words"), addon("bridge.blender.user_errors")
     german = {"'{0}' is not a view: choose one": "Eine Ansicht wählen: '{0}' ist keine"}
     monkeypatch.setattr(errors.told, "__defaults__", (lambda text: german.get(text, text),))
     assert words.say("'{0}' is not a view: choose one", "Pin") == "Eine Ansicht wählen: 'Pin' ist keine"
@@ -102,17 +102,17 @@ def test_messages_put_values_into_translated_templates(addon, monkeypatch):
 
 
 def test_errors_of_the_core_are_translated_with_the_messages_inside_them(addon):
-    words, template = addon("operators.common.words"), addon("projection.template_error")
+    words, template = addon("operators.common.words"), addon("projection.user_error")
     texts = {"Layer '{0}': {1}": "Ebene '{0}': {1}", "{0} {{}}": "{0} Klammern", "{no} value": "{kein} Wert"}
 
     def german(message):
         return words.told(message, lambda text: texts.get(text, text))
 
-    for kind in (template.TemplateError, template.Message):
+    for kind in (template.UserError, template.Message):
         inner = kind("{0} {{}}", 3)
-        error = template.TemplateError("Layer '{0}': {1}", "Car", inner)
+        error = template.UserError("Layer '{0}': {1}", "Car", inner)
         assert str(error) == "Layer 'Car': 3 {}"
-        assert german(error) == german(template.TemplateError(error.message)) == "Ebene 'Car': 3 Klammern"
+        assert german(error) == german(template.UserError(error.message)) == "Ebene 'Car': 3 Klammern"
         assert german(kind("{no} value")) == "{kein} Wert"
     assert german("{no} value") == "{kein} Wert"
     assert words.told(MemoryError()).startswith("There is not enough memory")

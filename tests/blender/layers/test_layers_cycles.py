@@ -286,7 +286,7 @@ def test_the_scene_is_as_before(scene, addon, end, monkeypatch):
         def fail(job, in_window):
             if "Things" not in job.progress:
                 return render(job, in_window)
-            raise addon("cycles.rig_data").RigError("No more")
+            raise addon("projection.user_error").UserError("No more")
 
         monkeypatch.setattr(jobs.LayersJob, "render", fail)
         with pytest.raises(RuntimeError, match="No more"):

@@ -128,7 +128,7 @@ def test_errors_are_messages_and_pass(viewport, addon, monkeypatch):
 
 
 def test_a_broken_volume_raises_and_mends(viewport, addon):
-    errors = addon("bridge.render.render_errors").RENDER_ERRORS
+    errors = addon("bridge.blender.user_errors").USER_ERRORS
     surface = viewport.camera.scfpf.surfaces[1].object
     viewport.camera.scfpf.surfaces[1].object = None
     with pytest.raises(errors, match="empty"):

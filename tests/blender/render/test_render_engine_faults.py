@@ -227,7 +227,7 @@ def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, mon
 
 def test_absurd_size_is_refused(addon, engine_scene):
     """Without allocating it: Blender has its own result by then, so only the engine's check is called."""
-    with pytest.raises(addon("bridge.render.render_errors").RenderError, match="GB of memory"):
+    with pytest.raises(addon("projection.user_error").UserError, match="GB of memory"):
         addon("bridge.render.image_size").require_size(65536, 65536)
 
 

@@ -227,7 +227,7 @@ def ordinary_camera(camera):
     camera.scfpf.enabled = False
 
 
-BAD_INPUT = {
+USER_ERRORS = {
     no_surfaces: "needs at least two",
     one_surface: "needs at least two",
     deleted_surface: "deleted",
@@ -246,12 +246,12 @@ BAD_INPUT = {
 }
 
 
-@pytest.mark.parametrize("spoil", BAD_INPUT, ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize("spoil", USER_ERRORS, ids=lambda spoil: spoil.__name__)
 def test_bad_input_is_one_clear_error_and_nothing_is_lost(camera, capfd, spoil):
     old = render()
     report = camera.scfpf.report
     spoil(camera)
-    with pytest.raises(RuntimeError, match=BAD_INPUT[spoil]) as caught:
+    with pytest.raises(RuntimeError, match=USER_ERRORS[spoil]) as caught:
         bpy.ops.scfpf.render(camera=camera.name)
     message = str(caught.value).strip()
     assert message.startswith("Error: ") and message.count("\n") == 0
@@ -302,7 +302,7 @@ def test_cancelled_job_stops_its_thread_and_gives_no_image(addon, camera):
     threads = threading.active_count()
     job = module.start(inputs)
     assert module.current() is job and job.running
-    with pytest.raises(addon("bridge.render.render_errors").RenderError, match="already running"):
+    with pytest.raises(addon("projection.user_error").UserError, match="already running"):
         module.start(inputs)
     with pytest.raises(RuntimeError, match="already running"):
         bpy.ops.scfpf.render()

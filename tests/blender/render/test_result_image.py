@@ -355,7 +355,7 @@ def test_a_path_that_cannot_be_written_is_one_clear_error(module, files, tmp_pat
         tmp_path / f"{'x' * 300}.exr": "Cannot write",
     }
     for path, message in cases.items():
-        with pytest.raises(files.ResultError, match=message) as caught:
+        with pytest.raises(files.UserError, match=message) as caught:
             files.save_result(image, str(path), scene)
         assert "\n" not in str(caught.value)
         assert settings_of(scene) == before
@@ -387,7 +387,7 @@ def test_a_full_disk_is_reported_and_the_earlier_image_stays(module, files, addo
     assert is_whole(path)
     path.write_bytes(b"an earlier picture")
     for left in (0, 3, len(whole) // 2, len(whole) - 1000):
-        with full_disk(left), pytest.raises(files.ResultError, match="annot write"):
+        with full_disk(left), pytest.raises(files.UserError, match="annot write"):
             files.save_result(image, str(path), scene)
         assert path.read_bytes() == b"an earlier picture"
     assert os.listdir(tmp_path) == [path.name], "nothing else is left behind"

@@ -126,5 +126,5 @@ def test_nothing_is_seen_in_an_empty_scene_and_by_a_broken_volume_there_is_a_mes
         bpy.data.objects.remove(bpy.data.objects[name])
     assert seen(0.0, 0.0) == ""
     camera.scfpf.u_range = 0.5, 0.5
-    with pytest.raises(addon("bridge.camera.read_projection").ProjectionError, match="range"):
+    with pytest.raises(addon("projection.user_error").UserError, match="range"):
         seen(0.0, 0.0)

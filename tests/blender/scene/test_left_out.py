@@ -107,7 +107,7 @@ def test_an_empty_scene_is_one_clear_error(addon):
     module = addon("bridge.scene.read_scene")
     link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     link("No faces", bpy.data.meshes.new("No faces"))
-    with pytest.raises(module.SceneError, match="nothing to render"):
+    with pytest.raises(module.UserError, match="nothing to render"):
         module.read_scene(bpy.context.evaluated_depsgraph_get())
 
 
@@ -117,7 +117,7 @@ def test_too_many_instances_are_one_clear_error(addon, monkeypatch):
     mesh = cube_mesh()
     for _ in range(9):
         link("Cube", mesh)
-    with pytest.raises(module.SceneError, match="108 triangles"):
+    with pytest.raises(module.UserError, match="108 triangles"):
         module.read_scene(bpy.context.evaluated_depsgraph_get())
 
 

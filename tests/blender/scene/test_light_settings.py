@@ -164,7 +164,7 @@ def test_a_layer_without_surfaces_shows_the_world_alone(addon, stage, tmp_path, 
     shine(stage.world, (0.5, 0.6, 0.8))
     bpy.context.view_layer.use_solid = False
     assert_alike(stage, tmp_path)
-    with pytest.raises(addon("bridge.scene.read_scene").SceneError, match="Surfaces"):
+    with pytest.raises(addon("projection.user_error").UserError, match="Surfaces"):
         read_render()
 
 

@@ -59,7 +59,7 @@ class Session(ArtistSteps):
     def __init__(self, seed: int, folder, addon, journal=None):
         self.random = random.Random(seed)
         self.folder, self.addon, self.journal = pathlib.Path(folder), addon, journal
-        self.bad_input = addon("operators.common.errors").BAD_INPUT
+        self.bad_input = addon("bridge.blender.user_errors").USER_ERRORS
         self.steps: list[str] = []
         self.stores = False  # whether the step of undo is stored by what called the method
         self.doings = [getattr(self, name) for name in sorted(dir(self)) if name.startswith("do_")]

@@ -144,7 +144,7 @@ def test_an_st_map_that_was_written_is_read_as_the_stack(addon, camera, look, mo
     monkeypatch.setattr(addon("bridge.mappings.st_map_image"), "READ_AFTER", 0.0)
     np.testing.assert_allclose(look(camera).u, 0.75)
     read.image = None
-    errors = addon("bridge.camera.read_projection").ProjectionError
+    errors = addon("projection.user_error").UserError
     with pytest.raises(errors, match="has no image"):
         look(camera)
 
@@ -194,7 +194,7 @@ def test_everything_survives_a_file_and_a_duplicate(camera, look, tmp_path):
 
 
 def test_bad_stacks_say_what_to_do(addon, camera, look):
-    errors = addon("bridge.camera.read_projection").ProjectionError
+    errors = addon("projection.user_error").UserError
     add("DISPLAY", arc=2.9, distance=0.3)
     with pytest.raises(errors, match="move away"):
         look(camera)

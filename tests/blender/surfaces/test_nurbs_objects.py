@@ -94,7 +94,7 @@ def test_the_patch_is_what_blender_draws(nodes, objects, order):
         spline.use_endpoint_v, spline.use_bezier_v, spline.use_cyclic_v = other
         spline.order_u, spline.order_v = order, 3 if other[0] else 2
         if drawn(surface) is None:
-            with pytest.raises(nodes.SurfaceError, match="'S' is not a valid surface: along u"):
+            with pytest.raises(nodes.UserError, match="'S' is not a valid surface: along u"):
                 objects.read_patch(evaluated(surface), "VIEWPORT")
             continue
         patch = objects.read_patch(evaluated(surface), "VIEWPORT")
@@ -162,12 +162,12 @@ def test_points_and_orders_are_written(nodes):
     ],
 )
 def test_bad_patches_are_refused_and_leave_nothing(nodes, parameters, points, message):
-    with pytest.raises(nodes.SurfaceError, match=message):
+    with pytest.raises(nodes.UserError, match=message):
         nodes.new_surface("S", "NURBS", parameters, points)
     assert not bpy.data.curves and not bpy.data.objects
     surface = nodes.new_surface("S", "NURBS")
     if parameters or points.ndim == 3:
-        with pytest.raises(nodes.SurfaceError):
+        with pytest.raises(nodes.UserError):
             nodes.set_surface_parameters(surface, {"points": points} if points is not None else parameters)
 
 
@@ -245,7 +245,7 @@ def test_a_modifier_after_tessellation_makes_it_a_grid_only_while_it_acts(nodes,
     bend.show_render = False
     assert type(objects.read_patch(evaluated(surface), "RENDER")) is pure.NurbsPatch
     surface.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    with pytest.raises(nodes.SurfaceError, match="adds or removes points"):
+    with pytest.raises(nodes.UserError, match="adds or removes points"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
 
 
@@ -276,14 +276,14 @@ def test_edit_mode_acts_at_once(nodes, objects):
 def test_more_than_one_patch_is_refused(nodes, objects):
     surface = place(nodes.new_surface("S", "NURBS"))
     surface.data.splines.new("NURBS")
-    with pytest.raises(nodes.SurfaceError, match="'S' has 2 patches"):
+    with pytest.raises(nodes.UserError, match="'S' has 2 patches"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
     surface.data.splines.clear()
-    with pytest.raises(nodes.SurfaceError, match="'S' has no patch"):
+    with pytest.raises(nodes.UserError, match="'S' has no patch"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
     curve = surface.data.splines.new("NURBS")
     curve.points.add(5)
-    with pytest.raises(nodes.SurfaceError, match="'S' is not a valid surface: along v"):
+    with pytest.raises(nodes.UserError, match="'S' is not a valid surface: along v"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
 
 
@@ -333,13 +333,11 @@ def test_wrong_kinds_are_named(bridge, reading, camera):
     near = bridge.add_surface(camera, "PLANE", "Near")
     patch = bridge.add_surface(camera, "NURBS", "Patch")
     patch.scfpf_surface.kind = "PLANE"
-    with pytest.raises(
-        reading.ProjectionError, match="'Patch' is a surface object: set its kind to Surface Patch"
-    ):
+    with pytest.raises(reading.UserError, match="'Patch' is a surface object: set its kind to Surface Patch"):
         read(reading, camera)
     patch.scfpf_surface.kind = "NURBS"
     near.scfpf_surface.kind = "NURBS"
-    with pytest.raises(reading.ProjectionError, match="'Near' is of type Mesh"):
+    with pytest.raises(reading.UserError, match="'Near' is of type Mesh"):
         read(reading, camera)
 
 

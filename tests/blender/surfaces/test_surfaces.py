@@ -115,7 +115,7 @@ def test_groups_are_shared_and_rebuilt_when_edited(nodes):
     group = first.modifiers[0].node_group
     assert second.modifiers[0].node_group == group
     group.interface.remove(group.interface.items_tree["Arc"])
-    with pytest.raises(nodes.SurfaceError, match=r"'A'.*just the inputs Radius, Arc.*SCFPF Disk"):
+    with pytest.raises(nodes.UserError, match=r"'A'.*just the inputs Radius, Arc.*SCFPF Disk"):
         nodes.surface_parameters(evaluated(first))
     third = place(nodes.new_surface("C", "DISC"))
     assert third.modifiers[0].node_group != group
@@ -130,7 +130,7 @@ def test_inputs_are_found_by_name(nodes):
     group.interface.move(group.interface.items_tree["Height"], 0)
     assert nodes.surface_parameters(evaluated(surface)) == {"width": 2.0, "height": 3.0}
     surface.modifiers.clear()
-    with pytest.raises(nodes.SurfaceError, match="'S' has no node group"):
+    with pytest.raises(nodes.UserError, match="'S' has no node group"):
         nodes.surface_parameters(evaluated(surface))
 
 
@@ -143,7 +143,7 @@ def test_bad_parameters_are_refused_and_leave_nothing(nodes):
         ("GRID", None, np.zeros((1, 5, 3))),
         ("GRID", None, np.full((2, 2, 3), np.inf)),
     ):
-        with pytest.raises(nodes.SurfaceError):
+        with pytest.raises(nodes.UserError):
             nodes.new_surface("S", kind, parameters, points)
     assert not bpy.data.objects and not bpy.data.meshes
 
@@ -283,7 +283,7 @@ def test_what_is_no_grid_is_named(nodes, damage, message):
     surface = place(nodes.new_surface("Sheet", "GRID", points=bumpy()))
     damage(surface.data)
     surface.data.update()
-    with pytest.raises(nodes.SurfaceError, match=f"'Sheet'.*{message}"):
+    with pytest.raises(nodes.UserError, match=f"'Sheet'.*{message}"):
         nodes.surface_parameters(evaluated(surface))
 
 

@@ -283,7 +283,7 @@ def test_what_cannot_be_read_is_named(bridge, reading, camera, damage, message):
     bridge.attach_surface(camera, obj)
     damage(obj.data)
     obj.data.update()
-    with pytest.raises(reading.ProjectionError, match=message):
+    with pytest.raises(reading.UserError, match=message):
         far_surface(reading, camera)
 
 
@@ -305,12 +305,12 @@ def test_maps_without_a_common_place_are_said_and_a_small_one_is_found(bridge, r
     maps = {obj.name: [tuple(corner.vector) for corner in obj.data.uv_layers[0].uv] for obj in (near, far)}
     squeeze(near, (0.45, 1.0), (0.0, 0.0))
     squeeze(far, (0.45, 1.0), (0.55, 0.0))
-    with pytest.raises(reading.ProjectionError, match="'Camera' has no projector: the UV maps"):
+    with pytest.raises(reading.UserError, match="'Camera' has no projector: the UV maps"):
         far_surface(reading, camera)
     squeeze(near, (1.0, 1.0), (0.0, 0.0))
     far_surface(reading, camera)
     squeeze(far, (0.003, 0.003), (0.501, 0.501))
     far_surface(reading, camera)
     camera.scfpf.u_range = 0.6, 0.9
-    with pytest.raises(reading.ProjectionError, match="widen the ranges"):
+    with pytest.raises(reading.UserError, match="widen the ranges"):
         far_surface(reading, camera)

@@ -338,7 +338,7 @@ def test_deleting_a_used_surface_says_so_and_undo_brings_it_back(addon, shown, h
     bpy.ops.scfpf.surface_add(kind="PLANE")
     middle = surfaces(camera)[1]
     name = middle.name
-    error = addon("bridge.camera.read_projection").ProjectionError
+    error = addon("projection.user_error").UserError
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         bpy.ops.ed.undo_push(message="whole")
         before = shown(camera)

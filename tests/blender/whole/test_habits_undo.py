@@ -35,7 +35,7 @@ def volumes(addon):
             try:
                 volume = read.read_projection(camera, depsgraph, 16 / 9).volume
                 found[camera.name] = volume.evaluate(U, V, T).position
-            except read.ProjectionError as error:
+            except read.UserError as error:
                 found[camera.name] = str(error)
         return found
 

@@ -6,13 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scfpf_addon.cycles.chords.chord_plan import (
-    FEWEST_CELLS,
-    ROUND_CELLS,
-    PlanError,
-    chord_error,
-    plan_chords,
-)
+from scfpf_addon.cycles.chords.chord_plan import FEWEST_CELLS, ROUND_CELLS, chord_error, plan_chords
 from scfpf_addon.cycles.portals.paths import faces_of
 from scfpf_addon.cycles.portals.sheets import (
     FAR_SLOT,
@@ -30,6 +24,7 @@ from scfpf_addon.cycles.portals.sheets import (
 )
 from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.projection.surfaces.surface import Plane
+from scfpf_addon.projection.user_error import UserError
 from scfpf_addon.projection.volume.inverse import invert
 from scfpf_addon.projection.volume.reparameterisation import Polar
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
@@ -109,7 +104,7 @@ def test_all_frames_count():
 
 def test_a_volume_of_nothing_is_refused():
     lost = Projection(ViewingVolume((plane(1, 1), plane(np.inf, 20))))
-    with pytest.raises(PlanError, match="finite"):
+    with pytest.raises(UserError, match="finite"):
         plan_chords([lost], SIZE, 0.1)
 
 

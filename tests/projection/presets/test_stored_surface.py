@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.editing.resolution import change
-from scfpf_addon.projection.editing.volume_edits import EditingError
 from scfpf_addon.projection.presets import stored_surface as stored
 from scfpf_addon.projection.presets.stored_surface import GRID_ERROR, stored_surface
 from scfpf_addon.projection.surfaces.surface import Cylinder
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
+from scfpf_addon.projection.user_error import UserError
 
 SIZES = {"radius": 2.0, "arc": 2.5, "height": 3.0}
 MOVED = np.array([[0.0, -2.0, 0.0, 1.0], [1.0, 0.0, 0.0, 2.0], [0.0, 0.0, 3.0, -4.0], [0, 0, 0, 1]])
@@ -62,5 +62,5 @@ def test_a_uv_mesh_stays_one_holes_and_all():
 
 def test_a_large_uv_mesh_would_be_a_grid_which_has_no_holes(monkeypatch):
     monkeypatch.setattr(stored, "MOST_TRIANGLES", 1)
-    with pytest.raises(EditingError, match="holes"):
+    with pytest.raises(UserError, match="holes"):
         stored_surface("Sheet", holed(), kind="UV_MESH")

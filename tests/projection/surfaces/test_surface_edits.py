@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from scfpf_addon.projection.editing.nurbs_edits import patch_near, refined, reversing
 from scfpf_addon.projection.editing.respacing import EVEN, equalised, unevenness
-from scfpf_addon.projection.editing.volume_edits import EditingError
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
 from scfpf_addon.projection.surfaces.surface import BilinearPatch, Cylinder, Disc, Grid, Plane, SphereSector
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
+from scfpf_addon.projection.user_error import UserError
 from scfpf_addon.projection.volume.lattice import Lattice
 
 U, V = np.random.default_rng(4).random((2, 400))
@@ -40,7 +40,7 @@ def test_a_refined_patch_is_the_same(axis, count, seed):
     patch = bumpy_patch(4, count, axis, NurbsAxis(3), seed)
     try:
         finer = refined(patch, True, True)
-    except EditingError:
+    except UserError:
         # Only the unusual knots, whose ends are no whole pieces, have no finer ones.
         assert axis.bezier
         return
@@ -71,7 +71,7 @@ def test_reversed_control_points_run_backwards():
             patch = bumpy_patch(4, count, axis, NurbsAxis(3))
             try:
                 places = reversing(axis, count)
-            except EditingError:
+            except UserError:
                 refused += 1
                 assert axis.bezier or (axis.endpoint and axis.cyclic)
                 continue
@@ -151,9 +151,9 @@ def test_a_pole_keeps_its_point():
 def test_holes_are_refused():
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     half = UVMesh(corners, UVChart(corners[None, :, :2], np.array([[0, 1, 2]])))
-    with pytest.raises(EditingError, match="holes"):
+    with pytest.raises(UserError, match="holes"):
         equalised(half, 9, 9, True, True)
-    with pytest.raises(EditingError, match="holes"):
+    with pytest.raises(UserError, match="holes"):
         patch_near(half, 4, 4)
 
 

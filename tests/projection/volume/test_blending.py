@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.editing.blend_fields import BlendField
-from scfpf_addon.projection.editing.blending import BlendError, blended
+from scfpf_addon.projection.editing.blending import blended
 from scfpf_addon.projection.mappings.radial import Distortion
 from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.surface import Disc, Grid, Plane, SphereSector
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
+from scfpf_addon.projection.user_error import UserError
 from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -78,7 +79,7 @@ def test_polar_images_stay_polar():
 
 def test_empty_parts_cannot_be_blended():
     empty = Stack((Distortion((0.5, 0.0, 0.0)),), Rectangle())
-    with pytest.raises(BlendError, match="empty parts"):
+    with pytest.raises(UserError, match="empty parts"):
         blended((Projection(STRAIGHT, empty), Projection(BENT)))
 
 

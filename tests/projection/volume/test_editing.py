@@ -95,7 +95,7 @@ def test_a_volume_with_a_surface_inserted_is_the_same(basis, count):
 @pytest.mark.parametrize("basis", ["B_SPLINE", "NURBS"])
 def test_where_knots_allow_no_further_surface_that_is_said(basis):
     volume = ViewingVolume(tuple(grid(3, 4, -2.0 * i) for i in range(5)), basis)
-    with pytest.raises(volume_edits.EditingError, match="more than four surfaces"):
+    with pytest.raises(volume_edits.UserError, match="more than four surfaces"):
         volume_edits.inserted(volume, 0, 64)
 
 
@@ -133,7 +133,7 @@ class Holed(Plane):
 
 
 def test_a_surface_with_holes_is_no_grid():
-    with pytest.raises(volume_edits.EditingError, match="holes"):
+    with pytest.raises(volume_edits.UserError, match="holes"):
         volume_edits.sampled(Holed(), 5, 5)
 
 
@@ -153,7 +153,7 @@ PARAMETERS = {
 def test_mirrored_surface_answers_at_the_mirrored_parameter(kind, axis):
     placement = moved(1, 2, 3, 0.4)
     if kind in {"DISC", "PARABOLOID"} and axis == "V":
-        with pytest.raises(volume_edits.EditingError, match="grid"):
+        with pytest.raises(volume_edits.UserError, match="grid"):
             volume_edits.mirrored(kind, PARAMETERS[kind], axis)
         return
     matrix, parameters = volume_edits.mirrored(kind, PARAMETERS[kind], axis)
@@ -235,7 +235,7 @@ def test_a_scale_goes_into_the_sizes(kind, parameters, scale, expected):
     ],
 )
 def test_a_scale_that_no_size_can_take_is_refused(kind, scale, said):
-    with pytest.raises(volume_edits.EditingError, match=said):
+    with pytest.raises(volume_edits.UserError, match=said):
         volume_edits.scaled(kind, {"radius": 1.0}, scale)
 
 

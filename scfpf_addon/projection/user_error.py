@@ -22,8 +22,8 @@ class Message(str):
         return self
 
 
-class TemplateError(ValueError):
-    """Bad input: a ``Message``. str() is the English one."""
+class UserError(ValueError):
+    """Something that a user can mend. Its ``message`` says how; str() is the English one."""
 
     def __init__(self, template: str, *values: object) -> None:
         self.message = Message(template, *values)
