@@ -100,7 +100,7 @@ def save_jpeg(source: Path, path: Path) -> None:
 def page(plates: Sequence[Plate], folder: str, shown: set[str], times: dict[str, list[float]]) -> str:
     """The text of docs/gallery.md, whose images are in ``folder`` beside it.
 
-    shown: as of ``with_cycles``. times: as of ``cycles_times``.
+    shown: see ``with_cycles``. times: as of ``cycles_times``.
     """
     from demo import gallery_animation
 

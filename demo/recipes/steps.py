@@ -62,7 +62,7 @@ def prepare(recipe: Recipe, percentage: int = 100):
 def perform(recipe: Recipe, percentage: int = 100, samples: int = 4):
     """Build the scene of a recipe, do its steps, and return its camera.
 
-    percentage, errors: as of ``prepare``. samples: per pixel of the image.
+    percentage, errors: see ``prepare``. samples: per pixel of the image.
     """
     scene = prepare(recipe, percentage)
     scene.camera.scfpf.samples = samples

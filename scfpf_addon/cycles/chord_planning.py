@@ -149,7 +149,7 @@ def planned(context, camera) -> Planned:
 def chords_of(camera, scene, projections: list[Projection], is_own_view: bool = False) -> ChordPlan:
     """Plan the chords of projections for a camera's settings. Raises UserError.
 
-    is_own_view: as of ``ChordPlan``.
+    is_own_view: see ``ChordPlan``.
     """
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     plan = plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)

@@ -108,7 +108,7 @@ def switch_on(context, camera, plan: Planned | None = None):
 
 @contextmanager
 def switched_on(context, camera, plan: Planned | None = None) -> Iterator:
-    """As ``switch_on``, with a block that gets the rig; after any error in it, too, all is as before."""
+    """Make a rig like ``switch_on``, for a block. If the block raises, all is as before the rig was made."""
     scene = context.scene
     present = rig_of(scene)
     if present is not None and present.scfpf_rig.camera == camera:
@@ -152,7 +152,7 @@ def _keep_settings(kept: Kept, scene, camera) -> None:
 
 
 def update(context, rig, plan: Planned | None = None) -> None:
-    """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
+    """Plan a rig again, for all frames. plan, errors: see ``switch_on``; the rig stays after an error."""
     plan = planned(context, rig.scfpf_rig.camera) if plan is None else plan
     chords = plan.chords
     with all_or_nothing(), _rewritten(rig):
@@ -178,7 +178,7 @@ def _note_plan(rig, plan: Planned) -> None:
 def prepare_render(context, rig, animation: bool = False, apart: bool = False) -> None:
     """Let the rays of a rig skip what is empty at present, before its scene is rendered.
 
-    animation, apart: as of ``renew``.
+    animation, apart: see ``renew``.
     """
     context.view_layer.update()
     if is_whole(rig) and not rig.scfpf_rig.problem:

@@ -78,7 +78,7 @@ def follow_image_size(modifier, names: Iterable[str], scene, factor: float = 1.0
 def remove_generated(settings, collection, parts: list, table_key: str, others: Iterable = ()) -> None:
     """Remove a collection with its parts; objects that the artist has put into it stay in the scene.
 
-    table_key: the camera's custom property that names the table. others: as of ``remove_parts``.
+    table_key: the camera's custom property that names the table. others: see ``remove_parts``.
     """
     for guest in set(collection.objects) - set(parts) if collection is not None else ():
         if len(guest.users_collection) == 1 and settings.scene is not None:

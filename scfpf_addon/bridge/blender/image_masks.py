@@ -30,7 +30,7 @@ def mask_pixels(image, reads: bool = True) -> Array | None:
 def values_at(pixels: Array, positions: Array) -> Array:
     """The nearest pixels (H, W) at image positions (2, N) in [0, 1], (N,).
 
-    pixels: as of ``mask_pixels``, row 0 at the lower border.
+    pixels: see ``mask_pixels``, row 0 at the lower border.
     """
     up, across = pixels.shape
     x, y = (np.minimum((p * n).astype(np.int64), n - 1) for p, n in zip(positions, (across, up), strict=True))

@@ -171,7 +171,7 @@ def read_fields(camera) -> list[tuple[End, BlendField | None]]:
 def end_weights(camera, surface, fields: Sequence[tuple[End, BlendField | None]]) -> Array | None:
     """The weights (K, N) of a blend's K ends other than the first one at the N vertices of a surface.
 
-    The first camera has the rest. fields: as of ``read_fields``. Ends that are newer than the surface are
+    The first camera has the rest. fields: see ``read_fields``. Ends that are newer than the surface are
     left out. Returns None for a grid out of order.
     """
     places = _places(camera, surface)
@@ -187,7 +187,7 @@ def end_weights(camera, surface, fields: Sequence[tuple[End, BlendField | None]]
 
 
 def mixed(surface, weights: Array) -> Array:
-    """The mean (N, 3) of the shapes of a blend's surface. weights: as of ``end_weights``. float32."""
+    """The mean (N, 3) of the shapes of a blend's surface. weights: see ``end_weights``. float32."""
     keys = surface.data.shape_keys.key_blocks
     first = points_of(keys[FIRST_KEY])
     found = first

@@ -67,7 +67,7 @@ class LiveImage(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """Hits that can be painted again: of which scene and volume, in which window."""
+    """Hits that are kept for the next painting, with the key of the scene, volume and window they are of."""
 
     key: tuple
     hits: LiveHits

@@ -34,7 +34,7 @@ class CellTree(NamedTuple):
 
     points: (P, 3), all corners. corner: (M, CORNERS) of each cell, in ``points``. room: (M,) the slack of
     each. number: (M,) of each cell among chords, rows and columns; -1 of cells that fill up a block. boxes,
-    child, extent, roots: as of ``BodyTree``, beginning with the M cells.
+    child, extent, roots: see ``BodyTree``, beginning with the M cells.
     """
 
     points: Array

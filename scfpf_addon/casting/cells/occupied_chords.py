@@ -160,7 +160,10 @@ class _Search:
         return (cell >= self._of_block.start) & (cell < self._of_block.stop)
 
     def _left_of_blocks(self, cell: IndexArray, node: IndexArray) -> tuple[IndexArray, IndexArray]:
-        """The pairs without those of blocks that are settled: beyond a plane, or with all cells held."""
+        """The pairs that still have to be looked at.
+
+        A pair is left out if its node lies beyond a plane of its block, or if all of the block is held.
+        """
         some = np.flatnonzero(self._are_blocks(cell))
         if len(some) == 0:
             return cell, node

@@ -75,8 +75,10 @@ def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> 
 
 
 def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArray[np.int32]:
-    """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` times as
-    much past the end.
+    """The first triangle on each straight ray, (M,); -1 where a ray meets none.
+
+    start, way: (3, M) the origins, and the vectors to the ends. Rays begin a little before their origin and
+    go on past their end by ``after`` times that.
     """
     slack = way * (RESTART / length_of(way))
     traversal.counts.rays += way.shape[1]

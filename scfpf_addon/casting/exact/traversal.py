@@ -87,9 +87,9 @@ class Traversal(NamedTuple):
 
 
 def next_chords(held: BoolArray) -> NDArray[np.intp]:
-    """The first chord from each on that may enter a prism, (n+1, B), n for none.
+    """For each chord, the next one that may enter a prism: itself or a later one, (n+1, B).
 
-    held: (n, B) whether a chord of a block's projectors may enter a prism.
+    It is n where no further chord may. held: (n, B) whether a chord of a block's projectors may enter one.
     """
     count, blocks = held.shape
     after = np.full((count + 1, blocks), count)

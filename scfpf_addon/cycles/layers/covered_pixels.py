@@ -26,7 +26,10 @@ NAME = "SCFPF Covered"
 
 
 def without_neighbours(is_needless: BoolArray, filter_width: float) -> BoolArray:
-    """The pixels (H, W) of which no ray of any other pixel comes near. filter_width: in pixels."""
+    """The mask (H, W) without pixels within the filter's radius of its border: the mask, eroded.
+
+    Rays of pixels outside the mask do not come near the pixels that remain. filter_width: in pixels.
+    """
     reach = MARGIN + int(np.ceil(filter_width / 2.0))
     kept = is_needless
     for axis in (0, 1):

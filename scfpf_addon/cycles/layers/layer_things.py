@@ -55,7 +55,7 @@ NO_THINGS = {"LIGHT", "CAMERA", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGH
 
 
 def find_things(depsgraph, members: Mapping[int, int], with_rest: bool) -> FoundThings:
-    """Find the things of layers from 1 on. members: as of ``ReadLayers``. with_rest: boxes of layer 0."""
+    """Find the things of layers from 1 on. members: see ``ReadLayers``. with_rest: boxes of layer 0."""
     renders, found = ShownInRenders(depsgraph), FoundThings()
     known: dict[int, Array] = {}
     scene = depsgraph.scene_eval

@@ -35,7 +35,7 @@ HALF = 0.5
 class Shot(NamedTuple):
     """The pixels of a window in one render through a view's camera: colours, passes and positions.
 
-    color: (H, W, 4), premultiplied. passes: as of ``summed``. position: (3, 1, H, W) float32, of one
+    color: (H, W, 4), premultiplied. passes: see ``summed``. position: (3, 1, H, W) float32, of one
     sample of each pixel, and is_hit: (1, H, W), whether it meets anything.
     """
 

@@ -26,7 +26,7 @@ class ShownPixels(NamedTuple):
     """Colours (H, W, 4), premultiplied, of the pixels of a window, and keys (S, h, w) of those of another.
 
     The keys are those at S places of each pixel. Outside of the windows nothing is shown, or nothing is known
-    to be near: the key is infinite. passes: as of ``summed``. first: (H, W), keys of what those of one
+    to be near: the key is infinite. passes: see ``summed``. first: (H, W), keys of what those of one
     sample of each pixel show, empty without passes.
     """
 

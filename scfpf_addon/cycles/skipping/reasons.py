@@ -55,7 +55,7 @@ def moves(rig) -> bool:
 def movers_of(rig, motion: Motion | None = None) -> frozenset[int]:
     """Session ids of the objects of a rig's scene that may change with the frame.
 
-    motion: as of ``obstacle``.
+    motion: see ``obstacle``.
     """
     if has_other_animation(rig.scfpf_rig.scene):
         # It may hide collections.

@@ -63,9 +63,10 @@ def forget_all() -> None:
 def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
     """Write a plan's sheets, whose rays skip what is certainly empty.
 
-    In a scene that moves it is empty at all frames of the scene, if these do not take too long; else at the
-    present one, as for a rig of one render. If the volume moves, only an animation that is to be rendered is
-    worth that; and the passes, to which the mesh adds the lengths of chords, need one frame. Raises UserError
+    In a scene that moves, chords are skipped that are empty at all of its frames. If looking at all frames
+    takes too long, or for a rig of one render, those count that are empty at the present frame. If the volume
+    moves, all frames are looked at only for an animation that is to be rendered. Passes need a look at one
+    frame, because the mesh adds the lengths of chords to them. Raises UserError
     without Cycles.
     """
     settings, frames = rig.scfpf_rig, present_frames(rig)

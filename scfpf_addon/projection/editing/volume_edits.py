@@ -121,7 +121,7 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
 
 
 def _blends(surfaces: Sequence[ControlSurface], shares: Sequence[float], cells: int) -> list[Shape]:
-    """Surface i and the one before it, of which a share is taken, for i = 1 … m."""
+    """Blends of surface i with a share of surface i - 1, for i = 1 … m."""
     return [blend(surfaces[i], surfaces[i - 1], share, cells) for i, share in enumerate(shares, 1)]
 
 

@@ -105,7 +105,7 @@ class LiveScene:
 
 
 class StillScene:
-    """A built scene, a part of which is left out, for scenes whose other part moves."""
+    """The part of a built scene that stands still. The rest of the scene moves, and is built on its own."""
 
     def __init__(self, whole: LiveScene, kept: BoolArray) -> None:
         self._whole = whole

@@ -24,9 +24,10 @@ DIM = 0.6
 
 
 class LayerShares(NamedTuple):
-    """Shares of the image by layer, (L + 1,) each, that of no layer first.
+    """Shares of the image by layer, (L + 1,) each. The first entry is for what is in no layer.
 
-    seen: where the layer is in front. alone: where its things would be seen without all others. numbers:
+    seen: the share where the layer is in front. alone: the share that its things would have if nothing else
+    were there. numbers:
     (H, W) the layer that each pixel shows, row 0 at the bottom; -1 if it shows nothing. facing: (H, W) the
     cosine of the angle between its projector and the face's normal.
     """
