@@ -23,7 +23,7 @@ msgstr ""
 "Content-Type: text/plain; charset=UTF-8\\n"
 """
 # Functions whose text arguments are shown.
-SHOWING = {"say", "worded", "draw_text", "report", "poll_message_set", "Message"}
+SHOWING = {"report_text", "label_text", "draw_text", "report", "poll_message_set", "Message"}
 # Methods that return a message.
 TELLING = {"act", "edit"}
 Text = tuple[str, str]

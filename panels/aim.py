@@ -4,7 +4,7 @@
 import bpy
 
 from ..operators.common.target import flexible_camera_of
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.settings.aim_properties import LINE, PIN, STAY, VIEW
 from .base import Subsection, draw_lines, draw_text, section_panels
 
@@ -49,7 +49,7 @@ class SCFPF_UL_aim(bpy.types.UIList):
 def residual_text(target) -> str:
     """The distance in pixels to its place of 95 % of a view's thing, or of a pin; empty before Solve."""
     distance = target.residual_max if target.whole_95 < 0.0 else target.whole_95
-    return worded("{0:.1f} px", distance) if distance >= 0.0 else ""
+    return label_text("{0:.1f} px", distance) if distance >= 0.0 else ""
 
 
 class SCFPF_MT_aim_add(bpy.types.Menu):
@@ -149,12 +149,16 @@ def outcome_lines(aim) -> list[str]:
     lines = []
     if aim.background_95 >= 0.0:
         lines.append(
-            worded("Rest moved {0:.1f} px, 95 % at most {1:.0f} px", aim.background_median, aim.background_95)
+            label_text(
+                "Rest moved {0:.1f} px, 95 % at most {1:.0f} px", aim.background_median, aim.background_95
+            )
         )
     if aim.is_solved:
-        lines.append(worded("Mirrored {0:.2%}, folded {1:.2%}", aim.mirrored, aim.folds).replace("%", " %"))
+        lines.append(
+            label_text("Mirrored {0:.2%}, folded {1:.2%}", aim.mirrored, aim.folds).replace("%", " %")
+        )
     if aim.between >= 0.0:
-        lines.append(worded("Between keyframes at most {0:.1f} px off", aim.between))
+        lines.append(label_text("Between keyframes at most {0:.1f} px off", aim.between))
     return lines
 
 

@@ -6,7 +6,7 @@ import textwrap
 import bpy
 
 from ..operators.common.target import active_object, flexible_camera_of
-from ..operators.common.words import drawn
+from ..operators.common.words import translated_label
 
 # Characters that fit a line of the sidebar, roughly.
 LINE = 36
@@ -67,7 +67,7 @@ def section_panels(section: type, name: str) -> tuple[type[bpy.types.Panel], ...
 def draw_text(layout, text: str | BaseException, icon: str) -> None:
     """Draw a text or an error in as many lines of the sidebar as it needs, with an icon before the first."""
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(drawn(text), LINE)):
+    for number, line in enumerate(textwrap.wrap(translated_label(text), LINE)):
         column.label(text=line, icon="BLANK1" if number else icon, translate=False)
 
 

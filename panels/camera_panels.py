@@ -5,7 +5,7 @@ import bpy
 
 from ..operators.camera.presets import preset_items
 from ..operators.common.target import active_object, camera_of, flexible_camera_of
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, knows_its_ends
 from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
@@ -53,9 +53,9 @@ def draw_shared(layout, camera) -> None:
     """Draw a line and a button if another camera, such as a duplicate, uses surfaces of this one."""
     others = sharers(camera)
     if others:
-        with_whom = f"'{others[0]}'" if len(others) == 1 else worded("{0} cameras", len(others))
+        with_whom = f"'{others[0]}'" if len(others) == 1 else label_text("{0} cameras", len(others))
         column = layout.column(align=True)
-        column.label(text=worded("Surfaces shared with {0}", with_whom), icon="INFO")
+        column.label(text=label_text("Surfaces shared with {0}", with_whom), icon="INFO")
         column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
@@ -83,7 +83,7 @@ def draw_blend(layout, camera) -> None:
     column.prop(ends, "first", text="", icon="CAMERA_DATA")
     if ends.second is None:
         names = {stem: name for stem, name, _text in preset_items()}
-        column.label(text=worded("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
+        column.label(text=label_text("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
     second, *further = ends_of(camera)
@@ -120,7 +120,7 @@ def draw_blend_map(column, end, has_weight: bool) -> None:
     field = end.settings
     title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
     menu = column.operator_menu_enum(
-        "scfpf.blend_map", "kind", text=worded("Map: {0}", title), icon="IMAGE_ALPHA"
+        "scfpf.blend_map", "kind", text=label_text("Map: {0}", title), icon="IMAGE_ALPHA"
     )
     menu.number = end.number
     if field.kind == "IMAGE":
@@ -221,7 +221,7 @@ class _ProjectorsSection(Subsection):
         layout.prop(settings, "reparameterisation", text="Mapping")
         for axis in "uv":
             column = layout.column(align=True)
-            column.prop(settings, f"{axis}_range", index=0, text=worded("{0} Start", axis.upper()))
+            column.prop(settings, f"{axis}_range", index=0, text=label_text("{0} Start", axis.upper()))
             column.prop(settings, f"{axis}_range", index=1, text="End")
         column = layout.column(align=True)
         column.prop(settings, "fit")

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.cycles.cautions import cautions
 from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
 from ..scfpf_addon.cycles.prices import price
@@ -18,13 +18,15 @@ ALL_CHORDS = "Rays pass empty chords, too"
 
 def facts(price: Price) -> list[str]:
     """The price of a rig, one fact a line."""
-    portals = worded("about {0:.1f}", price.passed) if price.passed else worded("up to {0}", price.portals)
-    count = worded("{0} chord" if price.chords == 1 else "{0} chords", price.chords)
+    portals = (
+        label_text("about {0:.1f}", price.passed) if price.passed else label_text("up to {0}", price.portals)
+    )
+    count = label_text("{0} chord" if price.chords == 1 else "{0} chords", price.chords)
     return [
-        worded("{0}, off by {1:.2g} px", count, price.error),
-        worded("A ray passes {0} portals", portals),
-        worded("{0:,} vertices, about {1:,.0f} MB", price.vertices, price.memory / 1e6),
-        worded("About {0:.1f} × an ordinary camera", price.cost),
+        label_text("{0}, off by {1:.2g} px", count, price.error),
+        label_text("A ray passes {0} portals", portals),
+        label_text("{0:,} vertices, about {1:,.0f} MB", price.vertices, price.memory / 1e6),
+        label_text("About {0:.1f} × an ordinary camera", price.cost),
     ]
 
 

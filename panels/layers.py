@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.layers.read_image_layers import lacking
 from .base import Subsection, draw_text, section_panels
 
@@ -81,7 +82,7 @@ def draw_layer(layout, layer) -> None:
     row.prop(layer, "feather")
     lack = lacking(layer)
     if lack:
-        draw_text(layout, worded("Left out: {0}", lack), "ERROR")
+        draw_text(layout, label_text("Left out: {0}", lack), "ERROR")
     elif layer.is_on and layer.message:
         draw_text(layout, layer.message, "ERROR")
 

@@ -4,7 +4,7 @@
 import bpy
 
 from ..operators.common.target import active_object
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 
 # Blender's menus with the commands that duplicate objects.
@@ -55,7 +55,7 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
         for axis in "UV":
             self.layout.operator(
-                "scfpf.volume_mirror", text=worded("Mirror {0}", axis), icon="MOD_MIRROR"
+                "scfpf.volume_mirror", text=label_text("Mirror {0}", axis), icon="MOD_MIRROR"
             ).axis = axis
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")

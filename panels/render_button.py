@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Render button with its progress, and what keeps it or F12 from rendering a flexible camera."""
 
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.render import render_job
 from ..scfpf_addon.bridge.render.result_image import result_image
@@ -38,7 +38,7 @@ def draw_render(layout, context, camera) -> None:
         if result_image() is not None:
             row.operator("scfpf.result_show", text="", icon="IMAGE_DATA")
     else:
-        text = "Canceling" if job.cancelled else worded("Rendering {0:.0%}", job.progress)
+        text = "Canceling" if job.cancelled else label_text("Rendering {0:.0%}", job.progress)
         row.progress(factor=job.progress, text=text)
         row.operator("scfpf.render_cancel", text="", icon="X")
     for problem in problems(context.scene, camera):
@@ -51,7 +51,7 @@ def draw_render(layout, context, camera) -> None:
 
 def draw_ignored(layout, scene) -> None:
     """Say that F12 ignores the flexible camera."""
-    layout.label(text=worded("F12 ({0}) ignores the volume", engine_name(scene)), icon="ERROR")
+    layout.label(text=label_text("F12 ({0}) ignores the volume", engine_name(scene)), icon="ERROR")
 
 
 def draw_caster_fault(layout) -> None:
@@ -60,7 +60,7 @@ def draw_caster_fault(layout) -> None:
     if fault:
         column = layout.column(align=True)
         column.alert = True
-        draw_text(column, worded("Rendering is off: {0}", fault), "ERROR")
+        draw_text(column, label_text("Rendering is off: {0}", fault), "ERROR")
         draw_text(column, "Editing, Nodes and Cycles work without it.", "BLANK1")
 
 

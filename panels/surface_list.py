@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
@@ -35,7 +35,9 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             if item.object is None:
                 row.label(text="Deleted", icon="ERROR")
             else:
-                row.label(text=worded("{0} ({1})", item.object.name, where), icon="ERROR", translate=False)
+                row.label(
+                    text=label_text("{0} ({1})", item.object.name, where), icon="ERROR", translate=False
+                )
             return
         row.prop(item.object, "name", text="", emboss=False, icon=icon_of(item.object))
         last = len(data.surfaces) - 1
@@ -105,7 +107,7 @@ def _draw_world_sizes(layout, scene, surface) -> None:
         sizes = world_sizes(surface)
     except UserError:
         factors = " × ".join(f"{factor:.4g}" for factor in whole_scale(surface))
-        layout.label(text=worded("In the World: Scaled {0}", factors), icon="INFO")
+        layout.label(text=label_text("In the World: Scaled {0}", factors), icon="INFO")
     else:
         for number, (label, length) in enumerate(sizes):
             text = f"{length:.4g}"
@@ -114,7 +116,7 @@ def _draw_world_sizes(layout, scene, surface) -> None:
                     units.system, "LENGTH", length * units.scale_length, precision=4, split_unit=False
                 )
             layout.label(
-                text=worded("{0} in the World: {1}", label, text), icon="BLANK1" if number else "INFO"
+                text=label_text("{0} in the World: {1}", label, text), icon="BLANK1" if number else "INFO"
             )
     layout.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
 

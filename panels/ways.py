@@ -3,7 +3,7 @@
 
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
-from ..operators.common.words import worded
+from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
@@ -50,8 +50,8 @@ def draw_ways(layout, context, camera) -> None:
     if renders_by_cycles(scene, camera) and shown_layers(camera):
         draw_text(layout, NOT_BY_F12, "INFO")
     if shown != camera.name:
-        text = worded("F12 shows {0}", shown) if shown else "The scene has no camera for F12"
-        draw_text(layout, worded("{0}: a button above changes that", text), "INFO")
+        text = label_text("F12 shows {0}", shown) if shown else "The scene has no camera for F12"
+        draw_text(layout, label_text("{0}: a button above changes that", text), "INFO")
 
 
 def draw_preview(layout, context, source) -> None:

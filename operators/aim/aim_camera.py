@@ -13,7 +13,6 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import active_object, camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
-from ..common.words import say
 
 
 def camera_name():
@@ -59,7 +58,7 @@ def chosen(collection, name: str, what: str):
         return None
     found = collection.get(name)
     if found is None:
-        raise UserError(say("There is no {0} '{1}': choose another one", what, name))
+        raise UserError("There is no {0} '{1}': choose another one", what, name)
     return found
 
 
@@ -69,7 +68,7 @@ def target_at(camera, index: int):
     index = camera.scfpf.active_aim if index < 0 else index
     if index >= len(targets):
         raise UserError(
-            say("'{0}' has no target at place {1}: add one with Add View or Add Pin", camera.name, index + 1)
+            "'{0}' has no target at place {1}: add one with Add View or Add Pin", camera.name, index + 1
         )
     return targets[index], index
 
@@ -100,7 +99,7 @@ class AimAction(Action):
             raise UserError("There is no camera to aim: select one")
         if not camera.is_editable:
             raise UserError(
-                say("'{0}' is linked from another file: make a library override of it first", camera.name)
+                "'{0}' is linked from another file: make a library override of it first", camera.name
             )
         take_up_edits(context)
         if kept is not None:

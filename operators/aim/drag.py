@@ -24,7 +24,6 @@ from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
 from ..common.unstored_edits import note_edit
-from ..common.words import say
 from .watched import Watched
 
 NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
@@ -176,7 +175,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         index = self.index if self.index >= 0 else settings.active_aim
         kinds = [target.kind for target in settings.aim_targets]
         if index >= len(kinds) or kinds[index] not in (VIEW, PIN):
-            raise UserError(say(NO_PLACE, camera.name, index + 1))
+            raise UserError(NO_PLACE, camera.name, index + 1)
         self.index, self._camera = index, camera.session_uid
         settings.active_aim = index
         target = self._target()

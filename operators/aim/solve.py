@@ -18,7 +18,7 @@ from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.projection.user_error import UserError
 from ..common import running
 from ..common.errors import refused
-from ..common.words import say
+from ..common.words import report_text
 from .aim_camera import AimAction, camera_name, target_at, target_index
 from .watched import Watched, in_window
 
@@ -50,7 +50,7 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
     def edit(self, context, camera):
         target, _ = target_at(camera, self.index)
         if target.kind != "VIEW":
-            raise UserError(say("'{0}' is not a view: choose one", target.name))
+            raise UserError("'{0}' is not a view: choose one", target.name)
         left, up = target.free_turn if self.to_free else (self.left, self.up)
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
 
@@ -68,9 +68,9 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
         camera = super().prepared(context, kept)
         if not camera.scfpf.enabled:
             raise UserError(
-                say("Switch on Flexible Projection for '{0}' first", camera.name)
+                report_text("Switch on Flexible Projection for '{0}' first", camera.name)
                 if len(camera.scfpf.aim_targets)
-                else say(
+                else report_text(
                     "'{0}' has no view and no pin to aim at: add one with Add View or Add Pin", camera.name
                 )
             )

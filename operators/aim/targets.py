@@ -18,7 +18,7 @@ from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
 from ..common.target import selected_objects
 from ..common.tool import STEPS
-from ..common.words import say
+from ..common.words import report_text
 from ..image.preparation import prepared_inputs
 from .aim_camera import AimAction, camera_name, chosen, own_projection, target_at, target_index, thing_name
 
@@ -90,7 +90,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
         obj = chosen(bpy.data.objects, self.object, "object")
         eye = chosen(bpy.data.objects, self.eye, "object")
         if eye is not None and (eye.type not in {"CAMERA", "EMPTY"} or eye == camera):
-            raise UserError(say("'{0}' cannot be looked from: choose another camera or an empty", eye.name))
+            raise UserError("'{0}' cannot be looked from: choose another camera or an empty", eye.name)
         projection = own_projection(context, camera)
         if collection is None and obj is None:
             collection, obj = _thing(context)
@@ -100,7 +100,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
         target = new_targets.add_view(camera, depsgraph, projection, collection, obj, eye)
         if self.properties.is_property_set("position"):
             target.position = self.position
-        return say("Turn '{0}' or move the view's frame, then press Solve", target.eye.name)
+        return report_text("Turn '{0}' or move the view's frame, then press Solve", target.eye.name)
 
 
 def _viewport_eye(context, camera):

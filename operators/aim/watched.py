@@ -10,7 +10,7 @@ from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ..common import running
 from ..common.errors import refused
-from ..common.words import say
+from ..common.words import report_text
 from ..image.preparation import redraw_interface
 
 # Seconds between two looks at the thread.
@@ -66,7 +66,9 @@ class Watched:
 
     def _tell(self, context) -> None:
         if context.workspace is not None:
-            context.workspace.status_text_set(say("Aim: solving, {0:.0%}    Esc: cancel", self._solve.share))
+            context.workspace.status_text_set(
+                report_text("Aim: solving, {0:.0%}    Esc: cancel", self._solve.share)
+            )
 
     def _leave(self, context) -> None:
         running.end(self)

@@ -28,7 +28,7 @@ from ...scfpf_addon.projection.user_error import Message, UserError
 from ...scfpf_addon.projection.volume.folds import find_folds
 from ..common.target import flexible_camera_of, poll_flexible_camera, selected_objects
 from ..common.tool import Tool, select_only, wholly_made
-from ..common.words import say
+from ..common.words import report_text
 from .presets import preset_choices, preset_items, shipped_preset
 
 
@@ -76,7 +76,7 @@ def _preset_before(context, camera, preset):
 
 
 def _done(camera) -> str:
-    return say("'{0}' is the scene camera: its Blend goes from one picture to the other", camera.name)
+    return report_text("'{0}' is the scene camera: its Blend goes from one picture to the other", camera.name)
 
 
 class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
@@ -118,7 +118,7 @@ def _chosen(context) -> list:
 def _require_room(count: int) -> None:
     """Raise UserError if a blend cannot have so many cameras."""
     if count > MOST_ENDS:
-        raise UserError(say("A blend has at most {0} cameras: blend some of them first", MOST_ENDS))
+        raise UserError("A blend has at most {0} cameras: blend some of them first", MOST_ENDS)
 
 
 class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
@@ -227,9 +227,7 @@ def updated(context, camera) -> str:
         second, name = _seen(context, other), other.name
     else:
         if ends.preset not in (stem for stem, _name, _text in preset_items()):
-            raise UserError(
-                say("There is no preset '{0}': choose a camera at which the blend ends", ends.preset)
-            )
+            raise UserError("There is no preset '{0}': choose a camera at which the blend ends", ends.preset)
         preset = shipped_preset(ends.preset)
         second, name = _preset_before(context, first, preset), preset.name
     own, blend = _blend(context, first, [second, *(_seen(context, end) for end in further)], camera)
@@ -237,9 +235,9 @@ def updated(context, camera) -> str:
     approximate_lens(camera, own)
     context.view_layer.update()
     folds = find_folds(_seen(context, camera))
-    folded = say("; {0:.1%} of it folds", folds.share).replace("%", " %") if folds else ""
+    folded = report_text("; {0:.1%} of it folds", folds.share).replace("%", " %") if folds else ""
     name = "', '".join([name, *(end.name for end in further)])
-    return say(
+    return report_text(
         "The blend '{0}' is updated: it goes from '{1}' to '{2}'{3}", camera.name, first.name, name, folded
     )
 
@@ -252,11 +250,9 @@ def _require_field(end) -> None:
     if settings.kind == "VIEWS":
         if end.camera is None:
             raise UserError("A preset has no views: choose a camera at which the blend ends, or another map")
-        raise UserError(
-            say("'{0}' has no views of Aim: press Add View, or choose another map", end.camera.name)
-        )
+        raise UserError("'{0}' has no views of Aim: press Add View, or choose another map", end.camera.name)
     if settings.image is not None:
-        raise UserError(say("The image '{0}' has no pixels: paint or load it", settings.image.name))
+        raise UserError("The image '{0}' has no pixels: paint or load it", settings.image.name)
 
 
 def flexible_end(context, camera, end):
@@ -266,7 +262,7 @@ def flexible_end(context, camera, end):
     if lost := absent_text(end, context.scene, Message("choose another camera")):
         raise UserError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
-        raise UserError(say("'{0}' is not a flexible camera: choose another one", end.name))
+        raise UserError("'{0}' is not a flexible camera: choose another one", end.name)
     return end
 
 

@@ -15,7 +15,7 @@ from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ..common.target import flexible_camera_of
 from ..common.tool import Tool
-from ..common.words import say
+from ..common.words import report_text
 from ..image.find import wanted_objects
 from ..image.preparation import poll_no_render, prepared_inputs
 from .blend import SCFPF_OT_blend_update, flexible_end, updated
@@ -37,7 +37,7 @@ def _field_of(camera, number: int):
     for end in ends_of(camera):
         if end.number == number:
             return end.settings
-    raise UserError(say("The blend '{0}' has no camera {1}: choose another one", camera.name, number))
+    raise UserError("The blend '{0}' has no camera {1}: choose another one", camera.name, number)
 
 
 class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
@@ -85,7 +85,7 @@ class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
         with volume_kept(camera):
             updated(context, camera)
             kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
-            return say("The map is baked into {0} shapes of each surface", kept)
+            return report_text("The map is baked into {0} shapes of each surface", kept)
 
 
 class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
@@ -123,7 +123,7 @@ class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
             else:
                 field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
             updated(context, camera)
-            return say("The map is around the selection as '{0}' sees it", name)
+            return report_text("The map is around the selection as '{0}' sees it", name)
 
 
 def _seen_box(context, camera) -> tuple[float, float, float, float]:
@@ -137,7 +137,7 @@ def _seen_box(context, camera) -> tuple[float, float, float, float]:
     pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
     found = find(inputs.projection, inputs.scene, points, names, pixel)
     if found is None:
-        raise UserError(say("'{0}' does not see the selected objects: select others, or turn it", title))
+        raise UserError("'{0}' does not see the selected objects: select others, or turn it", title)
     return found.box
 
 

@@ -14,7 +14,7 @@ from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
 from ..common.unstored_edits import note_edit
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
 # Seconds between two steps, in which Blender shows the progress and handles the Esc key.
@@ -103,7 +103,9 @@ class _Planned:
 
     def _show_progress(self, context) -> None:
         context.window_manager.progress_update(self._planning.progress)
-        context.workspace.status_text_set(say("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text))
+        context.workspace.status_text_set(
+            report_text("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text)
+        )
 
     def _leave(self, context) -> None:
         running.end(self)
@@ -131,7 +133,9 @@ class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
             rigs.switch_off(rig_of(context.scene))
             return {"FINISHED"}
         with rigs.switched_on(context, camera, plan) as rig:
-            texts = [told(caution) for caution in cautions(context.scene, context.view_layer, rig)]
+            texts = [
+                translated_report(caution) for caution in cautions(context.scene, context.view_layer, rig)
+            ]
         for text in texts:
             self.report({"WARNING"}, text)
         self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)

@@ -8,7 +8,6 @@ from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
 from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import selected_objects
 from ..common.tool import Tool, wholly_made
-from ..common.words import say
 
 
 class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
@@ -27,7 +26,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
-            raise UserError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
+            raise UserError("'{0}' is hidden: show it in the Outliner first", camera.name)
         with wholly_made(context):
             self._duplicate(context, camera, originals)
 

@@ -13,7 +13,7 @@ from ...scfpf_addon.cycles.engine_choice import f12_warning
 from ..common import running
 from ..common.target import flexible_camera_of, poll_scene
 from ..common.unstored_edits import note_edit
-from ..common.words import told
+from ..common.words import translated_report
 
 # Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
@@ -84,7 +84,7 @@ def _render_begins(scene, *_) -> None:
     if bpy.app.background:
         print(f"SCFPF: warning: {message}", file=sys.stderr)
     else:
-        _waiting.append(told(message))
+        _waiting.append(translated_report(message))
 
 
 def _look() -> float:

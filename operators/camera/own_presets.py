@@ -13,7 +13,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.target import flexible_camera_of
 from ..common.tool import Action, Tool, tooltip_of
-from ..common.words import say
+from ..common.words import report_text
 from .presets import PresetOperator, ReadsPresetFile
 
 # By file name: the file's time and size when it was read, the preset's name and its description.
@@ -50,11 +50,11 @@ def own_presets() -> list[tuple[str, str, str]]:
 def _store(preset, replace: bool) -> str:
     """Add a preset to the list with an image of its volume; returns the message to report."""
     path = preset_folder.store_own(preset, replace)
-    message = say("The preset '{0}' is in the menu under Your Own", preset.name)
+    message = report_text("The preset '{0}' is in the menu under Your Own", preset.name)
     try:
         preset_folder.store_thumbnail(preset, path)
     except PresetError as error:
-        return say("{0}, without a thumbnail: {1}", message, error)
+        return report_text("{0}, without a thumbnail: {1}", message, error)
     return message
 
 
@@ -124,7 +124,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
             raise PresetError("Choose a file to write the preset into")
         path = pathlib.Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".json")))
         preset_folder.write_preset(self.preset(context, camera), path)
-        return say("The preset is in {0}", path.name)
+        return report_text("The preset is in {0}", path.name)
 
 
 class SCFPF_OT_preset_import(ReadsPresetFile, Action, bpy.types.Operator):
@@ -169,7 +169,7 @@ class SCFPF_OT_preset_remove(Action, bpy.types.Operator):
 
     def act(self, _context):
         preset_folder.remove_own(self.preset)
-        return say("The preset '{0}' is removed", self.preset)
+        return report_text("The preset '{0}' is removed", self.preset)
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)

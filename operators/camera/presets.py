@@ -14,7 +14,7 @@ from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.scene_box import scene_box
 from ..common.target import camera_of, poll_camera
 from ..common.tool import Action, tooltip_of
-from ..common.words import say
+from ..common.words import report_text
 from .camera_placement import around_subject, reaching_scale
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
@@ -94,7 +94,7 @@ class PresetOperator(Action):
         camera = camera_of(context)
         with volume_kept(camera):
             use_preset(context, camera, preset, self.fit)
-        return say("The camera has the volume of the preset {0}", preset.name)
+        return report_text("The camera has the volume of the preset {0}", preset.name)
 
 
 class ReadsPresetFile:

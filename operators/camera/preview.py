@@ -16,7 +16,7 @@ from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
 from ..common.unstored_edits import note_edit
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 
 FLAT = (
     "The nodes preview cannot show this volume, which is flat: all its projectors lie in one surface. "
@@ -96,7 +96,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         context.window_manager.progress_update(self._building.progress)
         done = round(100 * self._building.progress)
         context.workspace.status_text_set(
-            say("{0}: {1} % of the node groups    Esc: cancel", self.bl_label, done)
+            report_text("{0}: {1} % of the node groups    Esc: cancel", self.bl_label, done)
         )
 
     def _leave(self, context) -> None:
@@ -138,12 +138,12 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             read_projection(camera, depsgraph, image_aspect(context.scene))
         except USER_ERRORS as error:
             # The preview stays and follows as soon as the volume is valid.
-            found.append(told(error))
+            found.append(translated_report(error))
         else:
             if is_flat(source, depsgraph):
                 found.append(FLAT)
         if text := not_here(camera):
-            found.append(told(text))
+            found.append(translated_report(text))
         return found
 
 

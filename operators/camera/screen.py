@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.scene_box import scene_box
 from ..common.target import active_object, poll_object_mode, poll_scene, selected_objects
 from ..common.tool import Action, select_only, show_in_local_view, wholly_made
-from ..common.words import say
+from ..common.words import report_text
 
 
 class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
@@ -56,7 +56,7 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
             if scene.camera is None:
                 scene.camera = camera
         at = "the 3D cursor" if eye is None else f"'{eye.name}'"
-        return say("'{0}' fills the UV map of '{1}', seen from {2}", camera.name, screen.name, at)
+        return report_text("'{0}' fills the UV map of '{1}', seen from {2}", camera.name, screen.name, at)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_camera_from_screen,))

@@ -6,7 +6,7 @@ import bpy
 from ...scfpf_addon.bridge.render.tutorial_scene import BLOCK_SIZE, BLOCKS, new_tutorial_scene
 from ..common.target import poll_object_mode
 from ..common.unstored_edits import note_edit
-from ..common.words import say
+from ..common.words import report_text
 
 
 class SCFPF_OT_tutorial_scene(bpy.types.Operator):
@@ -30,7 +30,8 @@ class SCFPF_OT_tutorial_scene(bpy.types.Operator):
         if context.window is not None:
             context.window.scene = scene
         self.report(
-            {"INFO"}, say("The scene '{0}' is new: add a flexible camera to it with Add > Camera", scene.name)
+            {"INFO"},
+            report_text("The scene '{0}' is new: add a flexible camera to it with Add > Camera", scene.name),
         )
         return {"FINISHED"}
 

@@ -21,7 +21,7 @@ from ..common.target import (
 )
 from ..common.tool import plain
 from ..common.unstored_edits import note_edit
-from ..common.words import say
+from ..common.words import report_text
 from ..image.preparation import redraw_interface
 
 NO_VIEWPORT = "This window has no 3D viewport to show the picture in: open one"
@@ -203,8 +203,10 @@ def price_text(context, camera) -> str:
         return found
     # Before the rig is made nobody knows how many portals its rays skip.
     bound = "about" if found.passed else "up to"
-    memory = say("{0:,.0f} MB", found.memory / 1e6)
-    return say("Price: {0} {1:.1f} times the time of an ordinary camera, and {2}", bound, found.cost, memory)
+    memory = report_text("{0:,.0f} MB", found.memory / 1e6)
+    return report_text(
+        "Price: {0} {1:.1f} times the time of an ordinary camera, and {2}", bound, found.cost, memory
+    )
 
 
 # How each 3D viewport was drawn last, by the address of its region.

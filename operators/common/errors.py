@@ -3,12 +3,12 @@
 
 import traceback
 
-from .words import say, told
+from .words import report_text, translated_report
 
 
 def refused(operator, error) -> set[str]:
     """Report one of USER_ERRORS, and return what a cancelled operator returns."""
-    operator.report({"ERROR"}, told(error))
+    operator.report({"ERROR"}, translated_report(error))
     return {"CANCELLED"}
 
 
@@ -20,7 +20,7 @@ def failed(operator, error: Exception) -> set[str]:
     traceback.print_exc()
     operator.report(
         {"ERROR"},
-        say(
+        report_text(
             "{0} met a fault of the add-on, and everything is as before: report it with the text in the "
             "system console ({1})",
             operator.bl_label,

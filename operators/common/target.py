@@ -8,7 +8,6 @@ from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ...scfpf_addon.bridge.sync.handlers import camera_objects
 from ...scfpf_addon.projection.user_error import UserError
-from .words import say
 
 NO_CAMERA = (
     "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
@@ -179,12 +178,10 @@ def chosen_camera(context, name: str):
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
         if name:
-            raise UserError(say('There is no object "{0}" to look through: choose a flexible camera', name))
+            raise UserError('There is no object "{0}" to look through: choose a flexible camera', name)
         raise UserError(missing_text(context.scene.camera) or NO_CAMERA)
     if camera.type != "CAMERA" or not camera.scfpf.enabled:
-        raise UserError(
-            say("{0} is not a flexible camera: switch on Flexible Projection for it", camera.name)
-        )
+        raise UserError("{0} is not a flexible camera: switch on Flexible Projection for it", camera.name)
     return camera
 
 
@@ -192,7 +189,7 @@ def editable_camera(context, name: str):
     """``chosen_camera`` if it is editable, so that results can be stored on it. Raises UserError."""
     camera = chosen_camera(context, name)
     if not camera.is_editable:
-        raise UserError(say("{0} is linked from another file: make a library override of it", camera.name))
+        raise UserError("{0} is linked from another file: make a library override of it", camera.name)
     return camera
 
 

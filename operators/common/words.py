@@ -8,25 +8,25 @@ off and keep that of labels, or the other way round.
 
 from bpy.app.translations import pgettext_iface
 
-from ...scfpf_addon.bridge.blender.user_errors import told
+from ...scfpf_addon.bridge.blender.user_errors import translated_report
 from ...scfpf_addon.projection.user_error import Message
 
-__all__ = ["drawn", "say", "told", "worded"]
+__all__ = ["label_text", "report_text", "translated_label", "translated_report"]
 
 
-def say(template: str, *values: object) -> str:
+def report_text(template: str, *values: object) -> str:
     """A message with values in the places {0}, {1}, … of its translated template."""
-    return told(Message(template, *values))
+    return translated_report(Message(template, *values))
 
 
-def worded(template: str, *values: object) -> str:
+def label_text(template: str, *values: object) -> str:
     """A label with values in the places {0}, {1}, … of its translated template."""
-    return drawn(Message(template, *values))
+    return translated_label(Message(template, *values))
 
 
-def drawn(message: str | BaseException) -> str:
+def translated_label(message: str | BaseException) -> str:
     """A message or an error as a translated label.
 
     message: a ``Message``, an error such as ``UserError``, or a text of the catalogue.
     """
-    return told(message, pgettext_iface)
+    return translated_report(message, pgettext_iface)

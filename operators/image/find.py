@@ -12,7 +12,7 @@ from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import refused
 from ..common.target import editable_camera, selected_objects
 from ..common.unstored_edits import note_edit
-from ..common.words import say
+from ..common.words import report_text
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -31,13 +31,16 @@ def _origins(objects):
 def _description(title: str, found) -> str:
     """The found object and its visibility, in a few short parts."""
     left, low, right, high = found.box
-    parts = [title, say("{0:.1%} × {1:.1%} of the picture", right - left, high - low).replace("%", " %")]
+    parts = [
+        title,
+        report_text("{0:.1%} × {1:.1%} of the picture", right - left, high - low).replace("%", " %"),
+    ]
     if found.shown < 1:
         parts.append("Partly outside the picture")
     if found.hidden == 1:
-        parts.append(say("Hidden from the camera behind {0}", found.hider))
+        parts.append(report_text("Hidden from the camera behind {0}", found.hider))
     elif found.hidden > 0:
-        parts.append(say("Partly hidden behind {0}", found.hider))
+        parts.append(report_text("Partly hidden behind {0}", found.hider))
     return " · ".join(parts)
 
 
@@ -62,7 +65,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         note_edit()
         wanted = wanted_objects(context)
         names = {obj.name for obj in wanted}
-        title = wanted[0].name if len(wanted) == 1 else say("{0} objects", len(wanted))
+        title = wanted[0].name if len(wanted) == 1 else report_text("{0} objects", len(wanted))
         origins = _origins(wanted)
         try:
             camera = editable_camera(context, "")
@@ -78,7 +81,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         settings = object_by_uid(uid).scfpf
         settings.show_found = found is not None
         if found is None:
-            self.report({"WARNING"}, say("{0} is outside the picture", title))
+            self.report({"WARNING"}, report_text("{0} is outside the picture", title))
         else:
             settings.found_box, settings.found_object = found.box, _description(title, found)
             if centre is not None:

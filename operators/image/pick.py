@@ -11,20 +11,20 @@ from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import refused
 from ..common.target import editable_camera
 from ..common.unstored_edits import note_edit
-from ..common.words import say
+from ..common.words import report_text
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
 
 def pick_readout(settings) -> list[str]:
     """The hit of a camera's picked projector, in a few short lines."""
-    lines = [say("At x {0:.4f}, y {1:.4f} of the picture", settings.pick[0], settings.pick[1])]
+    lines = [report_text("At x {0:.4f}, y {1:.4f} of the picture", settings.pick[0], settings.pick[1])]
     if settings.pick_t < 0:
         return [*lines, "It meets nothing"]
     return [
         *lines,
-        say("Meets {0}", settings.pick_object),
-        say("At t {0:.5f}, distance {1:.5g}", settings.pick_t, settings.pick_distance),
+        report_text("Meets {0}", settings.pick_object),
+        report_text("At t {0:.5f}, distance {1:.5g}", settings.pick_t, settings.pick_distance),
     ]
 
 

@@ -20,7 +20,7 @@ from ...scfpf_addon.bridge.render.result_image import (
 from ..common import running
 from ..common.errors import refused
 from ..common.target import chosen_camera
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 from .image_editors import image_editors, open_image_editor
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -113,7 +113,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             refused(self, error)
             return False
         for warning in inputs.scene.warnings:
-            self.report({"WARNING"}, told(warning))
+            self.report({"WARNING"}, translated_report(warning))
         return True
 
     def _deliver(self, context):
@@ -136,7 +136,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         except USER_ERRORS as error:
             return refused(self, error)
         if warning:
-            self.report({"WARNING"}, told(warning))
+            self.report({"WARNING"}, translated_report(warning))
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
@@ -145,7 +145,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             editors[0].image = result_image()
             self.report({"INFO"}, outcome)
         else:
-            self.report({"INFO"}, say("{0}. Show Picture, the icon beside Render, opens it", outcome))
+            self.report({"INFO"}, report_text("{0}. Show Picture, the icon beside Render, opens it", outcome))
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")
@@ -153,7 +153,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _show_progress(self, context):
         percent = int(100 * self._job.progress)
-        text = say("SCFPF: rendering, {0} %    Esc: cancel", percent)
+        text = report_text("SCFPF: rendering, {0} %    Esc: cancel", percent)
         if self._job.building:
             text = "SCFPF: building the acceleration structure, which cannot be canceled"
         elif self._job.cancelled:

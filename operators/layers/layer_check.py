@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.layers.read_image_layers import lacking
 from ...scfpf_addon.shading.picking.layer_shares import layer_shares
 from ..aim.aim_camera import AimAction, camera_name
 from ..common.target import camera_of, poll_flexible, poll_flexible_camera
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 from ..image.image_editors import reference_editor
 from ..image.preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -44,7 +44,7 @@ class SCFPF_OT_layer_check(AimAction, bpy.types.Operator):
             lack = lacking(layer)
             layer.share, layer.message = -1.0, ""
             if not layer.is_on or lack:
-                layer.message = say("Left out: {0}", lack) if lack else ""
+                layer.message = report_text("Left out: {0}", lack) if lack else ""
                 continue
             number += 1
             colors.append(tuple(layer.color))
@@ -56,7 +56,7 @@ class SCFPF_OT_layer_check(AimAction, bpy.types.Operator):
             write_picture(camera, shares.picture(colors))
         redraw_interface(context.window_manager)
         for warning in inputs.image_layers.warnings:
-            self.report({"WARNING"}, told(warning))
+            self.report({"WARNING"}, translated_report(warning))
         return " · ".join(parts) or "No layer is complete and switched on"
 
 

@@ -14,7 +14,7 @@ from ..aim.aim_camera import AimAction, camera_name, chosen, thing_name
 from ..aim.targets import collection_of, selected_things
 from ..common.target import selected_objects
 from ..common.tool import STEPS
-from ..common.words import say
+from ..common.words import report_text
 
 
 def layer_index():
@@ -32,9 +32,7 @@ def _place(camera, index: int) -> int:
     """The place of a camera's layer. index: -1 for the active one. Raises UserError."""
     index = camera.scfpf.active_layer if index < 0 else index
     if index >= len(camera.scfpf.layers):
-        raise UserError(
-            say("'{0}' has no layer at place {1}: add one with Add Layer", camera.name, index + 1)
-        )
+        raise UserError("'{0}' has no layer at place {1}: add one with Add Layer", camera.name, index + 1)
     return index
 
 
@@ -66,13 +64,13 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
             cameras = [obj for obj in selected_objects(context) if obj.type == "CAMERA" and obj != camera]
             eye = cameras[0] if len(cameras) == 1 else None
         elif eye.type != "CAMERA" or eye == camera:
-            raise UserError(say("'{0}' cannot see a layer: choose another camera", eye.name))
+            raise UserError("'{0}' cannot see a layer: choose another camera", eye.name)
         objects = selected_things(context)
         if collection is None and not objects:
             raise UserError("Select the objects that the layer is to show")
         layer = add_layer(camera, collection or collection_of(context, objects), eye)
         layer.front = self.front
-        return say("Move '{0}' to where the layer is to be seen from", layer.camera.name)
+        return report_text("Move '{0}' to where the layer is to be seen from", layer.camera.name)
 
 
 class SCFPF_OT_layer_remove(AimAction, bpy.types.Operator):

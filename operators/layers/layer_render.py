@@ -14,7 +14,7 @@ from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
 from ..common import running
 from ..common.errors import refused
 from ..common.target import chosen_camera, take_up_edits
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 from ..image.image_editors import image_editors
 from ..image.preparation import poll_no_render
 
@@ -86,7 +86,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         self._workspaces = {context.workspace.name}
         context.window_manager.modal_handler_add(self)
         running.begin(self, context)
-        context.workspace.status_text_set(say("SCFPF: reading the scene"))
+        context.workspace.status_text_set(report_text("SCFPF: reading the scene"))
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -104,7 +104,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
                 self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
                 return {"CANCELLED"}
             if job.step():
-                context.workspace.status_text_set(say("SCFPF: {0}    Esc: cancel", job.progress))
+                context.workspace.status_text_set(report_text("SCFPF: {0}    Esc: cancel", job.progress))
                 job.render(in_window=True)
                 return {"RUNNING_MODAL"}
         except USER_ERRORS as error:
@@ -160,7 +160,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
 
     def _finish(self, context, job: LayersJob):
         for warning in job.warnings:
-            self.report({"WARNING"}, told(warning))
+            self.report({"WARNING"}, translated_report(warning))
         for space in image_editors(context.window_manager)[:1]:
             space.image = result_image()
         if job.outcome:

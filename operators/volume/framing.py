@@ -13,7 +13,7 @@ from ...scfpf_addon.projection.editing.volume_edits import framing
 from ..common import running
 from ..common.target import flexible_camera_of, poll_slot
 from ..common.tool import ARROWS, Action
-from ..common.words import say
+from ..common.words import report_text
 
 # The effect of a drag across the region: radians, the logarithm of a factor, a share of the volume's depth.
 TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
@@ -150,7 +150,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
                 slot.object.matrix_parent_inverse = Matrix(self._before[slot.object.session_uid])
 
     def _say(self, context):
-        amounts = say(
+        amounts = report_text(
             "Pan {0:.1f}°  Tilt {1:.1f}°  Roll {2:.1f}°  Dolly {3:.3g}  Zoom {4:.3f}",
             math.degrees(self.pan),
             math.degrees(self.tilt),

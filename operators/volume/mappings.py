@@ -14,7 +14,7 @@ from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import STEPS, Tool, select_only, tooltip_of
 from ..common.unstored_edits import note_edit
-from ..common.words import say, told
+from ..common.words import report_text, translated_report
 from ..image.image_click import ImageClick
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
@@ -145,8 +145,8 @@ class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
                 area.spaces.active.image = image
                 break
         if warning:
-            self.report({"WARNING"}, told(warning))
-        return say(
+            self.report({"WARNING"}, translated_report(warning))
+        return report_text(
             "The ST map is the image '{0}': save it with Image > Save As, or read it with a mapping",
             image.name,
         )

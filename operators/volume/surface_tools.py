@@ -12,7 +12,7 @@ from ...scfpf_addon.bridge.surfaces.kinds import PARAMETRIC_KINDS
 from ...scfpf_addon.projection.editing.respacing import EVEN
 from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
 from ..common.tool import Tool
-from ..common.words import say
+from ..common.words import report_text
 
 # A converted surface counts as changed above this share of its size; float32 gives about 1e-7.
 CHANGED_SHARE = 1e-6
@@ -39,7 +39,7 @@ def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
     """The message that a converted shape is off by more than ``kept``, else None."""
     if change <= kept:
         return None
-    return say(
+    return report_text(
         "The {0} is off by up to {1:.2g} % of the size: use more points to reduce that", what, 100 * change
     )
 
@@ -120,7 +120,7 @@ class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         across, up = surface_edits.subdivide(camera, camera.scfpf.active_surface, **_chosen(self.direction))
-        return say("{0} × {1} control points", across, up)
+        return report_text("{0} × {1} control points", across, up)
 
 
 class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
@@ -149,7 +149,9 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
         )
         if left <= EVEN:
             return None
-        return say("One direction alone can be even: steps still differ by up to {0:.2g} %", 100 * left)
+        return report_text(
+            "One direction alone can be even: steps still differ by up to {0:.2g} %", 100 * left
+        )
 
 
 class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):

@@ -24,7 +24,6 @@ from ..common.target import (
 )
 from ..common.tool import STEPS, Action, Tool, select_only
 from ..common.unstored_edits import note_edit
-from ..common.words import say
 from .surface_placement import surface_place
 
 
@@ -167,7 +166,7 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
         if surface is None or surface.name not in context.view_layer.objects:
             raise UserError("This control surface has no object in the view layer: remove it from the list")
         if not surface.visible_get():
-            raise UserError(say("{0} is hidden: show it in the Outliner to select it", surface.name))
+            raise UserError("{0} is hidden: show it in the Outliner to select it", surface.name)
         if surface.hide_select:
             set_edit_volume(camera, True)
         context.view_layer.update()

@@ -19,7 +19,7 @@ from ..common.target import (
     selected_objects,
 )
 from ..common.tool import Tool
-from ..common.words import say
+from ..common.words import report_text
 
 
 class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
@@ -49,7 +49,7 @@ class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
         )
         if exact:
             return None
-        return say(
+        return report_text(
             "Its neighbors are of different kinds: the new surface is a grid of {0} × {0}", self.resolution
         )
 
@@ -165,7 +165,7 @@ class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         copied = volume_edits.make_single_user(camera)
-        return say("{0} copied", copied) if copied else "No control surface was shared"
+        return report_text("{0} copied", copied) if copied else "No control surface was shared"
 
 
 class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):

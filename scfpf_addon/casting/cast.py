@@ -83,7 +83,7 @@ def cast(
     if in_order or columns is not None or not needs_order(projection, pixel_error):
         return _cast_tile(tile, pixel_error, counts, weighted)
     order = near_order(x, y, pixel_size)
-    tile = tile._replace(projection=projection.taken(order), x=x[order], y=y[order])
+    tile = tile._replace(projection=projection.subset(order), x=x[order], y=y[order])
     hits = Hits.empty(len(x))
     hits.put(order, _cast_tile(tile, pixel_error, counts, weighted))
     return hits

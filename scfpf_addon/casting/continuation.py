@@ -64,7 +64,7 @@ class TileProjectors:
         return self._batch(which).at(t)[0]
 
     def _batch(self, which: IndexArray) -> ProjectorBatch:
-        points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
+        points = self.projection.subset(which).projectors(self.x[which], self.y[which]).points
         return ProjectorBatch(self.projection.volume.spans, points)
 
     def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:

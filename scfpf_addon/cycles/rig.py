@@ -17,7 +17,7 @@ from bpy.app.handlers import persistent
 from ..bridge.blender import versions
 from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
 from ..bridge.blender.app_handlers import add_handlers, remove_handlers
-from ..bridge.blender.user_errors import told
+from ..bridge.blender.user_errors import translated_report
 from ..bridge.render.image_size import image_size
 from ..bridge.sync.handlers import sync as sync_volumes
 from ..projection.user_error import Message, UserError
@@ -309,7 +309,7 @@ def _follow(rig, depsgraph, smoke_may_differ: bool, is_edited: bool) -> None:
             _note_values(settings, smoke_unknown=settings.smoke_known.split(NAMES_END)[0])
         _seen[rig.session_uid] = now
     except UserError as error:
-        problem = told(error)
+        problem = translated_report(error)
     _note_values(settings, problem=problem)
 
 
@@ -427,7 +427,7 @@ def _renew_table(rig) -> None:
         try:
             update_nodes(rig)
         except UserError as error:
-            rig.scfpf_rig.problem = told(error)
+            rig.scfpf_rig.problem = translated_report(error)
 
 
 @persistent

@@ -19,7 +19,7 @@ from ...projection.aim.start import projection_of
 from ...projection.surfaces.nurbs import NurbsPatch
 from ...projection.user_error import Message, UserError
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
-from ..blender.user_errors import told
+from ..blender.user_errors import translated_report
 from ..settings.aim_properties import LARGEST
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .kept_volume import volume_kept
@@ -102,7 +102,7 @@ def _keyed_verdict(camera, frames: list[float], solutions: list[Solution], betwe
     aim = camera.scfpf.aim
     aim.between, aim.is_solved = between, True
     found = len(frames), f"{worst:.2g}", f"{between:.2g}"
-    keys = told(Message("{0} keys, up to {1} px at them and {2} px between", *found))
+    keys = translated_report(Message("{0} keys, up to {1} px at them and {2} px between", *found))
     aim.message = f"{keys} · {message}"
     return aim.message
 

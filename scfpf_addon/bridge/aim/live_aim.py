@@ -18,7 +18,7 @@ from bpy.app.handlers import persistent
 from ...projection.user_error import Message
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.scene_objects import object_by_uid
-from ..blender.user_errors import USER_ERRORS, told
+from ..blender.user_errors import USER_ERRORS, translated_report
 from ..camera.flexible_camera import control_objects
 from ..sync.handlers import camera_objects
 from .aimed_volume import start_of
@@ -71,10 +71,10 @@ def follow(camera, depsgraph) -> None:
         residual = _drags[uid].step(depsgraph)
     except USER_ERRORS as error:
         _drags.pop(uid, None)
-        camera.scfpf.aim.message = told(error)
+        camera.scfpf.aim.message = translated_report(error)
     else:
         message = Message("Follows within {0} px, and is solved when nothing moves", f"{residual:.3g}")
-        camera.scfpf.aim.message = told(message)
+        camera.scfpf.aim.message = translated_report(message)
         _await_rest(uid)
 
 
@@ -121,7 +121,7 @@ def _told(camera):
     try:
         yield
     except USER_ERRORS as error:
-        camera.scfpf.aim.message = told(error)
+        camera.scfpf.aim.message = translated_report(error)
 
 
 @persistent

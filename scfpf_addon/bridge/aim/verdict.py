@@ -14,7 +14,7 @@ from ...casting.aim.rounds import BUDGET
 from ...casting.aim.sight import free_turn
 from ...casting.aim.survey import Spread
 from ...projection.user_error import Message, UserError
-from ..blender.user_errors import told
+from ..blender.user_errors import translated_report
 from ..settings.aim_properties import LARGEST, VIEW
 from .read_problem import AimInputs
 from .solution import Solution
@@ -123,7 +123,7 @@ def store_verdict(camera, solution: Solution) -> str:
     aim.mirrored, aim.folds = found.mirrored, found.folded
     aim.background_median = min(found.background_median, LARGEST) if len(found.moved) else -1.0
     _store_spread(aim, "background", solution.background)
-    aim.flaws = told(flaws) if (flaws := _flaws(camera, solution)) else ""
+    aim.flaws = translated_report(flaws) if (flaws := _flaws(camera, solution)) else ""
     aim.message = _summary(camera, solution)
     return aim.message
 
@@ -160,14 +160,14 @@ def _target_text(target) -> str:
     else:
         met = Message("Up to {0} from its place", _pixels(worst))
     if not target.hidden_by:
-        return told(met)
+        return translated_report(met)
     part = Message("hidden by {0}", target.hidden_by)
     if target.hidden < 1.0:
         part = Message("hidden to {0:.0f} % by {1}", 100.0 * target.hidden, target.hidden_by)
     left, up = target.free_turn
-    text = f"{told(met)}, {told(part)}"
+    text = f"{translated_report(met)}, {translated_report(part)}"
     if left or up:
-        return told(Message("{0}: nearest free direction {1}", text, _direction(left, up)))
+        return translated_report(Message("{0}: nearest free direction {1}", text, _direction(left, up)))
     return text
 
 
@@ -191,7 +191,7 @@ def _direction(left: float, up: float) -> str:
         degrees = round(math.degrees(abs(angle)))
         if degrees:
             parts.append(Message(way, degrees))
-    return Message("{0} and {1}", *parts) if len(parts) == 2 else "".join(map(told, parts))
+    return Message("{0} and {1}", *parts) if len(parts) == 2 else "".join(map(translated_report, parts))
 
 
 def _flaws(camera, solution: Solution) -> Message | None:
@@ -211,7 +211,7 @@ def _flaws(camera, solution: Solution) -> Message | None:
     if solution.background is not None and solution.background.nearly_all > STILL:
         parts.append(Message("a part of the background moves by more than {0}", _pixels(STILL)))
     if parts:
-        return Message("{0}: {1}", ", ".join(map(told, parts)), _remedy(camera, solution.inputs))
+        return Message("{0}: {1}", ", ".join(map(translated_report, parts)), _remedy(camera, solution.inputs))
     return _start_text(solution.inputs, MISSED)
 
 
@@ -238,6 +238,6 @@ def _summary(camera, solution: Solution) -> str:
     hidden = [title_of(target) for target in camera.scfpf.aim_targets if target.hidden_by]
     if hidden:
         parts.append(Message("partly hidden: {0}", ", ".join(hidden)))
-    if (start := _start_text(inputs, UNSEEN)) and told(start) != aim.flaws:
+    if (start := _start_text(inputs, UNSEEN)) and translated_report(start) != aim.flaws:
         parts.append(start)
-    return " · ".join(map(told, parts))
+    return " · ".join(map(translated_report, parts))

@@ -15,7 +15,7 @@ from gpu_extras.batch import batch_for_shader
 
 from ...projection.user_error import Message
 from ...shading.picking.frame_handles import TURN
-from ..blender.user_errors import told
+from ..blender.user_errors import translated_report
 from ..overlays.image_marks import ARM, MARK, RIM, TEXT_GAP, draw_cross, draw_lines, write
 from ..settings.aim_properties import LARGEST
 from .shown_targets import ShownImage, ShownTarget, shown_image, shown_targets, straight_lines, target_at
@@ -102,7 +102,11 @@ def worst_places(settings, image: ShownImage) -> list[tuple[float, float, str]]:
         if pixels > WELL_MET:
             x, y = image.pixels(np.array(place, np.float64)[:, None])[:, 0]
             marks.append(
-                (float(x), float(y), told(Message(LOST if pixels >= LARGEST else OFF, name, pixels)))
+                (
+                    float(x),
+                    float(y),
+                    translated_report(Message(LOST if pixels >= LARGEST else OFF, name, pixels)),
+                )
             )
     return marks
 

@@ -24,14 +24,14 @@ def reason(error: BaseException) -> str:
     return str(error) or NO_MEMORY
 
 
-def told(message: str | BaseException, translate: Callable[[str], str] = pgettext_rpt) -> str:
+def translated_report(message: str | BaseException, translate: Callable[[str], str] = pgettext_rpt) -> str:
     """A message or an error in the language of the interface, with the messages and errors in it."""
     if isinstance(message, BaseException):
         message = message.message if isinstance(message, UserError) else reason(message)
     if not isinstance(message, Message):
         return translate(message)
     values = [
-        told(each, translate) if isinstance(each, (Message, BaseException)) else each
+        translated_report(each, translate) if isinstance(each, (Message, BaseException)) else each
         for each in message.values
     ]
     return translate(message.template).format(*values) if values else translate(message.template)
@@ -40,9 +40,9 @@ def told(message: str | BaseException, translate: Callable[[str], str] = pgettex
 def failure_message(error: Exception) -> str:
     """The message of any error; of a bug it names the error, and the traceback goes to the console."""
     if isinstance(error, USER_ERRORS):
-        return told(error)
+        return translated_report(error)
     traceback.print_exception(error)
-    return told(
+    return translated_report(
         Message(
             "SCFPF failed: look at the system console for the place ({0}: {1})",
             type(error).__name__,

@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 from ...projection.user_error import UserError
 from ...shading.typing import Single
 from ..blender.app_handlers import add_handlers, remove_handlers
-from ..blender.user_errors import failure_message, told
+from ..blender.user_errors import failure_message, translated_report
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
 from .render_delivery import WHOLE, Delivery
@@ -163,7 +163,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         # Warnings about a scene that was read in part would be wrong.
         for warning in () if cancelled() else warnings:
             if warning not in _said:
-                self.report({"WARNING"}, told(warning))
+                self.report({"WARNING"}, translated_report(warning))
                 _said.add(warning)
         return with_motion(inputs, depsgraph, camera, self.frame_set, cancelled, eye)
 

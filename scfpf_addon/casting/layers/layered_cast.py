@@ -69,7 +69,7 @@ class KnownProjectors(Projection):
             return self.known
         return Projectors(self.known.points.take(self.which, 2), self.known.valid.take(self.which))
 
-    def taken(self, which: IndexArray) -> Projection:
+    def subset(self, which: IndexArray) -> Projection:
         """See ``Projection``."""
         return replace(self, which=which if self.which is None else self.which[which])
 
@@ -163,7 +163,7 @@ class LayeredCast:
         if len(which) and needs_order(projection, self.pixel_error):
             order = near_order(x[which], y[which], self.pixel_size)
             which, met = which[order], met[order]
-        return _Meeting(which, projection.taken(met))
+        return _Meeting(which, projection.subset(met))
 
     def _least_key(self, number: int) -> float:
         """A key that no hit of a layer from 1 on is below."""
@@ -178,7 +178,7 @@ class LayeredCast:
     def hits_of(self, number: int, which: IndexArray, x: Array, y: Array, counts: CastCounts) -> Hits:
         """The first hits of one layer alone at some (n,) of the image positions x, y (N,)."""
         if not number:
-            alone = replace(self, projection=self.projection.taken(which))
+            alone = replace(self, projection=self.projection.subset(which))
             return alone.rest_hits(x[which], y[which], counts, None)
         projection = self.projection.layers[number - 1].projection
         return self._hits_of(number, projection, x[which], y[which], counts)
@@ -307,7 +307,7 @@ class LayeredProjectors:
     ) -> Hits:
         """The next hits (n,) in one layer; projectors of other layers begin there, behind keys ``passed``."""
         tile, empty = self._tiles[number], number == 0 and self.cast.parts.rest is None
-        found = cast_at_nothing(tile.projection.taken(which), self.x[which], self.y[which])
+        found = cast_at_nothing(tile.projection.subset(which), self.x[which], self.y[which])
         own = np.flatnonzero(layer == number)
         if len(own):
             found.put(own, self._following(number, which[own], t[own], triangle[own]))

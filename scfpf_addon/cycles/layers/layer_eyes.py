@@ -30,7 +30,7 @@ from ..cautions import cautions
 from ..chords.chord_plan import ChordPlan, plan_chords
 from ..rig_data import MODIFIER, check, check_surfaces, make_rig, remove_rig, rigs
 from ..skipping.refresh import write_skipping
-from .passing_scene import PassingScene
+from .temporary_scene import TemporaryScene
 
 GONE = "A camera or the scene was deleted meanwhile: render again"
 
@@ -60,7 +60,7 @@ class View(NamedTuple):
 
 
 @contextmanager
-def seen_through(passing: PassingScene, view: View) -> Iterator[list[str]]:
+def seen_through(passing: TemporaryScene, view: View) -> Iterator[list[str]]:
     """Let the passing scene be rendered through a view's camera; yields cautions. Raises UserError."""
     camera = object_by_uid(view.camera)
     if camera is None or passing.scene is None:
@@ -71,7 +71,7 @@ def seen_through(passing: PassingScene, view: View) -> Iterator[list[str]]:
 
 
 @contextmanager
-def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
+def _rigged(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
     made = None
     try:
         with passing.shaped(view.frame.size[0] / view.frame.size[1]):
@@ -118,7 +118,7 @@ def _place(rig, frame: Framed) -> None:
 
 
 @contextmanager
-def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
+def _copied(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
     eye, before = camera.copy(), passing.scene.camera
     # A flexible copy would get a volume of its own, and a warning that Cycles ignores it.
     eye.property_unset("scfpf")

@@ -23,8 +23,8 @@ from ..rig_data import rigs
 from .layer_eyes import View
 from .layer_things import FoundThings, find_things
 from .opaque_things import is_all_opaque
-from .passing_scene import PassingScene
 from .shown_pixels import within
+from .temporary_scene import TemporaryScene
 
 # Pixels around a layer's own that its things may colour besides the filter's.
 MARGIN = 1
@@ -110,7 +110,7 @@ def _gap(box: Box, blocks: list[Array]) -> float:
     return min(gaps)
 
 
-def read_views(passing: PassingScene, camera) -> ReadViews:
+def read_views(passing: TemporaryScene, camera) -> ReadViews:
     """Read an image of the passing scene through a camera with layers. Raises USER_ERRORS."""
     scene = passing.scene
     size = ready_size(scene, camera)

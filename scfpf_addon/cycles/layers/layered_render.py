@@ -25,14 +25,14 @@ from .exr_passes import Pass, read_passes
 from .joined_passes import COMBINED, OF_ONE_SAMPLE, POSITION, Mist, delivered, summed
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
-from .passing_scene import KEY_SIDE, PassingScene
 from .shown_pixels import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
+from .temporary_scene import KEY_SIDE, TemporaryScene
 
 # The share from which a part of a pixel stands for its one sample.
 HALF = 0.5
 
 
-class Shot(NamedTuple):
+class LayerRender(NamedTuple):
     """The pixels of a window in one render through a view's camera: colours, passes and positions.
 
     color: (H, W, 4), premultiplied. passes: see ``summed``. position: (3, 1, H, W) float32, of one
@@ -44,11 +44,11 @@ class Shot(NamedTuple):
     position: NDArray[np.float32]
     is_hit: BoolArray
 
-    def part(self, own: tuple[slice, slice]) -> Shot:
+    def part(self, own: tuple[slice, slice]) -> LayerRender:
         """That of some rows and columns."""
         passes = {name: Pass(letters, values[own]) for name, (letters, values) in self.passes.items()}
         every = (slice(None), slice(None), *own)
-        return Shot(self.color[own], passes, self.position[every], self.is_hit[every[1:]])
+        return LayerRender(self.color[own], passes, self.position[every], self.is_hit[every[1:]])
 
 
 class LayeredRender:
@@ -58,7 +58,7 @@ class LayeredRender:
     total: the number of its renders, once that is known.
     """
 
-    def __init__(self, passing: PassingScene) -> None:
+    def __init__(self, passing: TemporaryScene) -> None:
         self._passing = passing
         self.warnings: list[str] = []
         self.pixels: Single | None = None
@@ -151,7 +151,7 @@ class LayeredRender:
         return ShownPixels(seen, shot.color * covered[..., None], seen, keys, passes, first)
 
     def _halo(
-        self, read: ReadViews, number: int, window: Border, shot: Shot
+        self, read: ReadViews, number: int, window: Border, shot: LayerRender
     ) -> Generator[str, None, tuple[Array, BoolArray]]:
         """Render the halo of a layer into its shot.
 
@@ -176,7 +176,7 @@ class LayeredRender:
 
     def _colors(
         self, name: str, window: Border, read: ReadViews, number: int, needless: BoolArray | None = None
-    ) -> Generator[str, None, Shot]:
+    ) -> Generator[str, None, LayerRender]:
         """Render colours and passes through the view of a layer, or of the image.
 
         needless: the pixels of the whole image (H, W) whose values make no difference.
@@ -192,7 +192,7 @@ class LayeredRender:
             found = read_passes(self._passing.path, (COMBINED, POSITION))
             mist = Mist.of(self._passing.scene.world) if is_rigged else None
         place = found[POSITION].values.transpose(2, 0, 1)[:, None]
-        return Shot(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
+        return LayerRender(found[COMBINED].values, summed(found, wanted, mist), place, place.any(axis=0))
 
     def _places(
         self, name: str, window: Border, read: ReadViews, number: int
@@ -209,7 +209,7 @@ class LayeredRender:
         both = both.transpose(4, 1, 3, 0, 2).reshape(4, -1, height, width)
         return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
 
-    def _first_keys(self, read: ReadViews, number: int, shot: Shot, is_hit: BoolArray) -> Array:
+    def _first_keys(self, read: ReadViews, number: int, shot: LayerRender, is_hit: BoolArray) -> Array:
         """The keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without passes.
 
         is_hit: (1, H, W), whether it shows the layer.
@@ -227,7 +227,7 @@ class LayeredRender:
         return keys.reshape(is_hit.shape)
 
 
-def _lay_in(shot: Shot, near: Shot, share: Array, shows: BoolArray) -> None:
+def _lay_in(shot: LayerRender, near: LayerRender, share: Array, shows: BoolArray) -> None:
     """Lay a halo of a shot's size into it.
 
     share: (H, W), of each pixel that the halo shows. shows: (H, W), whether it shows the pixel's one sample.

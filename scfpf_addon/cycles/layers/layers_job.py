@@ -21,7 +21,7 @@ from .exr_passes import Pass
 from .joined_passes import COMBINED
 from .layered_render import LayeredRender
 from .passes_image import deliver_passes
-from .passing_scene import PassingScene
+from .temporary_scene import TemporaryScene
 
 NOT_RENDERED = "Cycles has written no picture: look at the system console for its reason"
 LOST = "The scene or the camera was deleted meanwhile: render again"
@@ -49,7 +49,7 @@ class LayersJob:
         )
         self._is_animation, self._path = bool(frames), path
         self._frames = [*frames] or [scene.frame_current]
-        self._passing: PassingScene | None = None
+        self._passing: TemporaryScene | None = None
         self._render: LayeredRender | None = None
         self._frame_before, self._moved = (scene.frame_current, scene.frame_subframe), False
         self._begun, self._count = time.monotonic(), len(self._frames)
@@ -133,7 +133,7 @@ class LayersJob:
                 # Renders of a copy show objects as the artist's scene has evaluated them.
                 self._moved = True
                 scene.frame_set(frame)
-            self._passing = PassingScene(scene, scene.view_layers[self._layer])
+            self._passing = TemporaryScene(scene, scene.view_layers[self._layer])
             self._frame, self._done = frame, 0
             self._render = LayeredRender(self._passing)
             self._steps = self._render.steps(camera)

@@ -18,7 +18,7 @@ from ..rig_data import MODIFIER, has_new_materials, present_chords, write_sheets
 from ..watched_volume import look
 from .reasons import movers_of, moves, obstacle
 from .scene_state import SceneState, has_unwatched, is_as, shape_edits, state_of
-from .skip_chords import Look, NotSkipping, faces_that_skip
+from .skip_chords import EmptySpaceQuery, NotSkipping, faces_that_skip
 from .swept_bodies import shutter_of
 
 CHANGED = "The scene or the frame has changed since empty chords were found"
@@ -73,9 +73,9 @@ def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
     if frames and not settings.passing and (not moves(rig) or (animation and not settings.passes)):
         ends = settings.scene.frame_start, settings.scene.frame_end
         every = tuple(float(frame) for frame in range(ends[0], ends[1] + 1))
-        if _write(rig, chords, Look(every, PATIENCE_OF_ANIMATION if animation else PATIENCE)):
+        if _write(rig, chords, EmptySpaceQuery(every, PATIENCE_OF_ANIMATION if animation else PATIENCE)):
             return
-    _write(rig, chords, Look(frames))
+    _write(rig, chords, EmptySpaceQuery(frames))
 
 
 def present_frames(rig) -> tuple[float, ...]:
@@ -83,7 +83,7 @@ def present_frames(rig) -> tuple[float, ...]:
     return (rig.scfpf_rig.scene.frame_current_final,) if moves(rig) or movers_of(rig) else ()
 
 
-def _write(rig, chords: ChordPlan, look: Look) -> bool:
+def _write(rig, chords: ChordPlan, look: EmptySpaceQuery) -> bool:
     """Write sheets for the frames of a look; return whether their rays skip chords."""
     settings = rig.scfpf_rig
     faces, reason = None, ""
@@ -227,7 +227,7 @@ def renew(rig, view_layer, animation: bool = False, apart: bool = False) -> None
     if animation:
         write_skipping(rig, plan, animation=True)
     else:
-        _write(rig, plan, Look(frames, apart=apart))
+        _write(rig, plan, EmptySpaceQuery(frames, apart=apart))
 
 
 def _note_reason(settings, reason: str) -> None:

@@ -33,7 +33,7 @@ CELL_PIXELS = (8, 12, 16, 24, 32)
 MOST_CELLS = 16_000
 
 
-class Look(NamedTuple):
+class EmptySpaceQuery(NamedTuple):
     """A look at a scene for empty chords.
 
     frames: at which chords are to be empty; none if nothing moves. patience: seconds that it may take.
@@ -59,7 +59,7 @@ class NotSkipping(Exception):
     """Rays have to travel all chords. The message is the reason, as a sentence without its end."""
 
 
-def faces_that_skip(rig, chords: ChordPlan, look: Look) -> Found:
+def faces_that_skip(rig, chords: ChordPlan, look: EmptySpaceQuery) -> Found:
     """The faces of sheets whose rays skip the chords in which nothing is. Raises NotSkipping.
 
     The rig's mesh is a probe afterwards: call ``write_sheets`` in any case.
@@ -89,7 +89,7 @@ def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]
 class _Search:
     """The search for chords in which anything may be at some frames."""
 
-    def __init__(self, rig, chords: ChordPlan, cells: tuple[int, int], look: Look) -> None:
+    def __init__(self, rig, chords: ChordPlan, cells: tuple[int, int], look: EmptySpaceQuery) -> None:
         settings = rig.scfpf_rig
         self._rig, self._look, self._count = rig, look, chords.count
         self._name, self._shape = settings.portals.name_full, sheet_shape(cells, chords.disc)

@@ -164,7 +164,7 @@ class Projection:
         projectors = self.volume.projectors(u, v)
         return projectors._replace(valid=projectors.valid & mask)
 
-    def taken(self, which: IndexArray) -> Projection:
+    def subset(self, which: IndexArray) -> Projection:
         """The projection restricted to a subset (n,) of its image positions, if it is bound to some."""
         return self
 

@@ -115,7 +115,7 @@ class ThroughLens(Projection):
             return made
         return made._replace(points=self.lens.moved(made.points, self.share))
 
-    def taken(self, which: IndexArray) -> Projection:
+    def subset(self, which: IndexArray) -> Projection:
         """See ``Projection``."""
         return replace(self, share=None if self.share is None else self.share.take(which, 1))
 

@@ -96,9 +96,11 @@ def test_a_po_file_is_read_with_contexts_and_continued_lines(languages):
 def test_messages_put_values_into_translated_templates(addon, monkeypatch):
     words, errors = addon("operators.common.words"), addon("bridge.blender.user_errors")
     german = {"'{0}' is not a view: choose one": "Eine Ansicht wählen: '{0}' ist keine"}
-    monkeypatch.setattr(errors.told, "__defaults__", (lambda text: german.get(text, text),))
-    assert words.say("'{0}' is not a view: choose one", "Pin") == "Eine Ansicht wählen: 'Pin' ist keine"
-    assert words.say("{0:.1f} px", 1.25) == "1.2 px"
+    monkeypatch.setattr(errors.translated_report, "__defaults__", (lambda text: german.get(text, text),))
+    assert (
+        words.report_text("'{0}' is not a view: choose one", "Pin") == "Eine Ansicht wählen: 'Pin' ist keine"
+    )
+    assert words.report_text("{0:.1f} px", 1.25) == "1.2 px"
 
 
 def test_errors_of_the_core_are_translated_with_the_messages_inside_them(addon):
@@ -106,7 +108,7 @@ def test_errors_of_the_core_are_translated_with_the_messages_inside_them(addon):
     texts = {"Layer '{0}': {1}": "Ebene '{0}': {1}", "{0} {{}}": "{0} Klammern", "{no} value": "{kein} Wert"}
 
     def german(message):
-        return words.told(message, lambda text: texts.get(text, text))
+        return words.translated_report(message, lambda text: texts.get(text, text))
 
     for kind in (template.UserError, template.Message):
         inner = kind("{0} {{}}", 3)
@@ -115,7 +117,7 @@ def test_errors_of_the_core_are_translated_with_the_messages_inside_them(addon):
         assert german(error) == german(template.UserError(error.message)) == "Ebene 'Car': 3 Klammern"
         assert german(kind("{no} value")) == "{kein} Wert"
     assert german("{no} value") == "{kein} Wert"
-    assert words.told(MemoryError()).startswith("There is not enough memory")
+    assert words.translated_report(MemoryError()).startswith("There is not enough memory")
 
 
 def test_german_has_every_message_of_errors(languages):

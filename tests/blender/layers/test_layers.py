@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from engine_images import button, f12
 from mathutils import Matrix
+from recorded_layout import drawn, texts
 
 FRONTS = ("DEPTH", "ANCHOR", "ORDER")
 
@@ -289,6 +290,13 @@ def test_layers_that_cannot_be_shown_are_told(scene, addon):
 
 
 @pytest.mark.usefixtures("built_groups")
+def test_the_panel_says_what_a_layer_lacks(scene):
+    add().camera = None
+    scene.camera.select_set(True)
+    text = texts(drawn(bpy.types.SCFPF_PT_view_layers))
+    assert "Left out: it has no camera: choose one under Seen By" in text
+
+
 def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):
     add("ORDER")
     layers = addon("bridge.layers.read_image_layers")

@@ -166,7 +166,7 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
     cycles = addon("cycles.layers")
 
     def is_ordinary():
-        passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
+        passing = cycles.temporary_scene.TemporaryScene(scene, scene.view_layers[0])
         try:
             return cycles.layer_views.read_views(passing, master).views[0].place is not None
         finally:
@@ -191,7 +191,7 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
     far.hide_render = False
     assert not is_ordinary()
     far.hide_render = True
-    passing = cycles.passing_scene.PassingScene(scene, scene.view_layers[0])
+    passing = cycles.temporary_scene.TemporaryScene(scene, scene.view_layers[0])
     try:
         views = cycles.layer_views.read_views(passing, master).views
         volume, before = master.scfpf.volume_object, set(bpy.data.objects)
@@ -384,7 +384,7 @@ def test_distances_without_materials_are_those_with_them(scene, addon, monkeypat
     new_camera("Side", looking((-5, -6, 5), (-0.8, 0, 0)))
     bpy.data.objects["Thing"].location.z = 0.4
     add(front).halo = halo
-    passing, located = addon("cycles.layers.passing_scene").PassingScene, []
+    passing, located = addon("cycles.layers.temporary_scene").TemporaryScene, []
     original = passing.located
 
     def noted(self, window, size, is_plain):

@@ -33,10 +33,10 @@ def by_cycles(engine_scene):
 def warnings(addon, monkeypatch):
     """The warnings of the following renders by the engine, a list that grows."""
     said = []
-    engine = addon("bridge.render.render_engine").SCFPF_RenderEngine
-    told = addon("bridge.render.render_engine").told
+    module = addon("bridge.render.render_engine")
+    engine, translated = module.SCFPF_RenderEngine, module.translated_report
     monkeypatch.setattr(
-        addon("bridge.render.render_engine"), "told", lambda text: said.append(told(text)) or told(text)
+        module, "translated_report", lambda text: said.append(translated(text)) or translated(text)
     )
     assert engine.is_registered
     return said

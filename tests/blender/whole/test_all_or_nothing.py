@@ -205,8 +205,8 @@ CASES = {
     "layers, Cycles": (
         layered,
         lambda: OPERATORS.layers_render(camera="Camera"),
-        f"{LAYERS}.passing_scene._settle {LAYERS}.layer_views.read_views "
-        f"{LAYERS}.passing_scene.PassingScene.add_groups {LAYERS}.layer_eyes._rigged {RIG}.make_rig "
+        f"{LAYERS}.temporary_scene._settle {LAYERS}.layer_views.read_views "
+        f"{LAYERS}.temporary_scene.TemporaryScene.add_groups {LAYERS}.layer_eyes._rigged {RIG}.make_rig "
         f"{SKIPPING}.refresh.write_skipping {LAYERS}.layer_eyes._place {LAYERS}.exr_passes.read_passes "
         f"{LAYERS}.layer_eyes._copied {LAYERS}.shown_pixels.join_into",
     ),

@@ -50,7 +50,7 @@ QUICK = {
 }
 
 
-class PassingScene:
+class TemporaryScene:
     """The copy of a scene, with one view layer. Call ``remove`` in any case.
 
     It keeps names only, because Blender may free data between two calls. passes: of the artist's view layer.
