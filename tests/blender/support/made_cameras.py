@@ -35,7 +35,7 @@ def names(camera):
     return [slot.object.name if slot.object else None for slot in camera.scfpf.surfaces]
 
 
-def subset(camera):
+def taken(camera):
     """Names of what the volume object's modifier takes."""
     modifier = camera.scfpf.volume_object.modifiers[0]
     sockets = [i.identifier for i in modifier.node_group.interface.items_tree if i.in_out == "INPUT"]
