@@ -15,7 +15,14 @@ import bpy
 from ...projection.user_error import UserError
 from ..blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_back
 from ..blender.scene_objects import delete_with_data, object_by_uid
-from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
+from ..blender.slot_animation import (
+    AIM_TARGETS,
+    MAPPINGS,
+    SLOT_PATH,
+    SURFACES,
+    curve_collections,
+    require_own_items,
+)
 from ..camera.flexible_camera import clear_surfaces, make_flexible
 from ..mappings.mapping_edits import clear_mappings
 from ..volume.camera_members import all_cameras, grids_of, surfaces_of
@@ -62,7 +69,9 @@ def volume_kept(camera) -> Iterator[None]:
     """Bring a camera's volume back, with the shapes of its surfaces and the lens, if the block raises.
 
     F-curves of the list of surfaces that the block removes stay removed. What it replaces goes at its end.
+    Raises UserError, before the block, for a library override of a camera with surfaces or mappings.
     """
+    require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     surfaces = [surface for surface in surfaces_of(camera) if surface.is_editable and surface.data]
     actions = {_action_of(surface) for surface in surfaces} - {None}
     with all_or_nothing() as kept:
