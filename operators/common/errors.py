@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators report: errors that a user can mend, and bugs after which everything is as before."""
+"""Operators report errors that a user can mend, and bugs after which everything is as before."""
 
 import traceback
 

@@ -22,7 +22,7 @@ _OURS = __name__.partition("operators")[0]
 
 
 class _Edit:
-    """What is known of the last edit by a script, as long as no step is known to hold it.
+    """The last edit by a script, until an operator that stores a step is seen to have ended.
 
     is_open: there is such an edit. last: the address of Blender's newest listed operator at the edit, or 0.
     scene: ``session_uid`` of the scene that counts the edit, and the count, which are compared after undo.

@@ -150,7 +150,7 @@ def _made_nodes(scene) -> list:
 
 
 def _groups(scene) -> list:
-    """Those with the group, of which there is at most one unless the artist has copied it."""
+    """The nodes of ``add`` that hold the group: one, or more if the artist has copied it."""
     return [node for node in _made_nodes(scene) if node.type == "GROUP" and node.node_tree is not None]
 
 

@@ -50,7 +50,7 @@ def _graph_emission(graph: MaterialGraph, context: ShadingContext) -> float:
 
 
 class Aims(NamedTuple):
-    """How rays of n places are aimed at K glowing things.
+    """The aims of rays from n places at K glowing things.
 
     axis: (3, K, n) unit, towards their middles. height: (K, n) 1 - cos of half the angle of their cones.
     radiance: (K, 1). chance: (K, n) of a ray that it is aimed at each; the rest follows the lobe.

@@ -199,7 +199,9 @@ def test_the_picture_round_the_car_shows_its_back_at_both_borders(scene, tmp_pat
     red, green, blue = np.moveaxis(pixels[..., :3], -1, 0)
     tail_lights = (red > 0.5) & (green < 0.4 * red) & (blue < 0.4 * red)
     assert tail_lights[:, :60].any() and tail_lights[:, -60:].any()
-    # One sample a pixel: reflections of the lights may be as red.
-    assert tail_lights[:, 60:-60].mean() < 0.005 < tail_lights[:, :60].mean() + tail_lights[:, -60:].mean()
+    # At one sample a pixel, a single reflection on the paint may be as red as the lights.
+    assert (
+        tail_lights[:, 60:-60].sum() <= 2 and min(tail_lights[:, :60].sum(), tail_lights[:, -60:].sum()) > 30
+    )
     paint = (red < 0.6 * green) & (red < 0.6 * blue) & (blue > 0.2)
     assert paint.any(axis=0).all()
