@@ -5,37 +5,40 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from ...casting.aim.detours import free_pins
 from ...casting.aim.judge import COLUMNS, Judge, Judgement
 from ...casting.aim.released import Released
 from ...casting.aim.rounds import BUDGET, Budget, JudgeResult, Round, solve_in_rounds
 from ...casting.aim.survey import background_spread, spread_of
+from ...casting.common.cancellation import raise_if_cancelled
 from ...projection.aim.problem import AimProblem, AimResult
 from ...projection.aim.start import projection_of
 from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid
+from ..tasks.task import Task
 from .aimed_volume import moved, write_volume
 from .kept_volume import volume_kept
 from .read_problem import AimInputs, read_inputs
 from .solution import Solution
-from .solve_work import Progress, Steps, Work, require_wanted
+from .solve_work import Steps, Work
 from .verdict import require_better, require_possible, store_verdict
 
 # The share of the time of a solve that the judgement of the old image takes.
 JUDGED_OLD = 0.1
 
 
-def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
+def solution_of(inputs: AimInputs, task: Task[Any]) -> Solution:
     """Solve and judge; arrays only. Raises UserError, Cancelled or CastError."""
     judge, budget = judge_of(inputs), Budget(BUDGET)
     old = judged(inputs, judge, inputs.before)
-    progress.share = JUDGED_OLD
+    task.progress = JUDGED_OLD
 
     def report(share: float) -> bool:
-        progress.share = JUDGED_OLD + (1.0 - JUDGED_OLD) * share
-        return progress.is_set()
+        task.progress = JUDGED_OLD + (1.0 - JUDGED_OLD) * share
+        return task.cancelled
 
     def look(result: AimResult, released: Released | None = None) -> Judgement:
         after = projection_of(result.patches, inputs.present.aspect)
@@ -49,7 +52,7 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
         return freed and (freed[0], partial(look, released=freed[1]))
 
     found = solve_in_rounds(problem, look, old, report, free, budget)
-    require_wanted(progress)
+    raise_if_cancelled()
     if found is None:
         raise UserError("Not taken, because no volume was found: bring the targets nearer to their places")
     return _surveyed(inputs, judge, found, old, budget.is_set())

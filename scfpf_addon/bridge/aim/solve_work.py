@@ -7,33 +7,19 @@ on arrays, whose result is sent back.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Generator
+from functools import partial
 from typing import Any, NamedTuple
 
-from ...casting.common.cancellation import Cancelled, cancelled_by
-
-
-class Progress:
-    """How much of some work is done, as a share, and whether it is cancelled."""
-
-    def __init__(self) -> None:
-        self.share = 0.0
-        self._cancelled = threading.Event()
-
-    def cancel(self) -> None:
-        """End the work at its next step or rays."""
-        self._cancelled.set()
-
-    def is_set(self) -> bool:
-        """Whether the work is cancelled."""
-        return self._cancelled.is_set()
+from ...casting.common.cancellation import cancelled_by
+from ...projection.user_error import UserError
+from ..tasks.task import Task
 
 
 class Work(NamedTuple):
     """Work on arrays. first, size: its part of the whole solve, as shares."""
 
-    do: Callable[[Progress], Any]
+    do: Callable[[Task[Any]], Any]
     first: float = 0.0
     size: float = 1.0
 
@@ -44,71 +30,64 @@ Steps = Generator[Work, Any, str]
 
 def run_through(steps: Steps) -> str:
     """Do all work of a solve in this thread; return the line to report. Raises what it raises."""
-    try:
-        work = next(steps)
-        while True:
-            try:
-                result = work.do(Progress())
-            except Exception as error:
-                work = steps.throw(error)
-            else:
-                work = steps.send(result)
-    except StopIteration as end:
-        return str(end.value)
+    solve = WatchedSolve(steps, in_thread=False)
+    while not solve.is_done():
+        pass
+    return solve.message
+
+
+def _do(work: Work, task: Task[Any]) -> Any:
+    with cancelled_by(task.cancellation):
+        return work.do(task)
 
 
 class WatchedSolve:
-    """A solve whose work a thread does. Every method belongs to Blender's main thread."""
+    """A solve whose work is done by tasks. Every method belongs to Blender's main thread."""
 
-    def __init__(self, steps: Steps) -> None:
+    def __init__(self, steps: Steps, in_thread: bool = True) -> None:
         """Read what the first work needs and start it. Raises what the solve raises."""
-        self._steps, self._progress = steps, Progress()
+        self._steps, self._in_thread = steps, in_thread
         self.message = ""
         self._begin(next(steps))
 
     def _begin(self, work: Work) -> None:
-        self._work, self._result, self._error = work, None, None
-        self._progress.share = 0.0
-        self._thread = threading.Thread(target=self._run, name="SCFPF aim")
+        self._work, self.task = work, Task(partial(_do, work), "SCFPF aim")
         try:
-            self._thread.start()
-        except RuntimeError:  # "can't start new thread"
-            self._run()
-
-    def _run(self) -> None:
-        try:
-            with cancelled_by(self._progress):
-                self._result = self._work.do(self._progress)
-        except BaseException as error:  # A thread has nowhere to raise: ``is_done`` does it.
-            self._error = error
+            if self._in_thread:
+                self.task.start()
+                return
+        except UserError:
+            # The system starts no thread: Blender waits instead.
+            pass
+        self.task.run()
 
     @property
     def share(self) -> float:
         """How much of the whole solve is done."""
-        return self._work.first + self._work.size * self._progress.share
+        return self._work.first + self._work.size * self.task.progress
 
     def is_done(self) -> bool:
         """Go on if the present work has ended. True when all is done and written, with ``message``.
 
         Raises what the solve raises.
         """
-        if self._thread.is_alive():
+        if self.task.running:
             return False
-        error, result = self._error, self._result
         try:
-            self._begin(self._steps.send(result) if error is None else self._steps.throw(error))
+            self._begin(self._next_work())
         except StopIteration as end:
             self.message = str(end.value)
             return True
         return False
 
+    def _next_work(self) -> Work:
+        try:
+            result = self.task.result()
+        except BaseException as error:
+            return self._steps.throw(error)
+        return self._steps.send(result)
+
     def cancel(self) -> None:
         """Leave everything as it was. The thread, which sees arrays only, ends at its next step or rays."""
-        self._progress.cancel()
+        self.task.cancel()
         self._steps.close()
-
-
-def require_wanted(progress: Progress) -> None:
-    """Raise Cancelled if work is cancelled."""
-    if progress.is_set():
-        raise Cancelled

@@ -13,7 +13,6 @@ from ...projection.user_error import Message, UserError
 NO_MEMORY = Message(
     "There is not enough memory for this picture: lower the resolution, or close other programs"
 )
-NO_THREAD = "The system starts no more threads: close other programs, or restart Blender, and render again"
 
 # What to report in one line. Bugs propagate.
 USER_ERRORS = (UserError, MemoryError)

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import threading
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.common.cancellation import Cancelled
 from ...casting.common.parallel import thread_count
 from ...projection.diagrams.diagram import volume_signature
 from ...projection.volume.viewing_volume import Projection
@@ -18,8 +16,8 @@ from ...shading.live.cast_live import LiveProjection, LiveWindow, cast_live
 from ...shading.live.live_hits import LiveHits
 from ...shading.live.live_image import Paint
 from ...shading.typing import Single
-from ..blender.user_errors import NO_THREAD, failure_message
 from ..render.view_painter import Rectangle
+from ..tasks.painter import Painter
 from .kept_scene import KeptScene
 from .live_objects import Placements
 
@@ -78,94 +76,28 @@ def _bytes(members: NDArray[np.uint8] | None) -> bytes:
     return b"" if members is None else members.tobytes()
 
 
-class LivePainter:
-    """Paints the latest request. Only the caller's thread may call its methods."""
+class LivePainter(Painter[Request, LiveImage]):
+    """Paints the latest request: a coarse image at once, and finer ones while no other request comes."""
 
     def __init__(self) -> None:
-        self._wake = threading.Condition()
-        self._wanted: Request | None = None
-        self._thread: threading.Thread | None = None
-        self._stopped = False
+        super().__init__("SCFPF live view")
         self._seen: _Seen | None = None
         self._seconds_per_pixel = 0.0
-        # The newest image, or the message of an error instead; the number changes with each.
-        self.image: LiveImage | None = None
-        self.message = ""
-        self.number = 0
         # Seconds that a drawing of the viewport's window takes.
         self.drawing = 0.0
-        # The number of requests, and that of the request whose first image was made last.
-        self.asked = self.answered = 0
-
-    @property
-    def busy(self) -> bool:
-        """Return whether the thread is at work."""
-        with self._wake:
-            return self._thread is not None
-
-    def ask(self, request: Request) -> None:
-        """Paint this, and drop earlier requests; return at once."""
-        with self._wake:
-            self._wanted = request
-            self.asked += 1
-            self._wake.notify_all()
-            if self._thread is None and not self._stopped:
-                thread = threading.Thread(target=self._run, name="SCFPF live view")
-                try:
-                    thread.start()
-                except RuntimeError:
-                    self._wanted, self.answered = None, self.asked
-                    self._show(None, NO_THREAD)
-                else:
-                    self._thread = thread
-
-    def wait(self, seconds: float) -> bool:
-        """Wait at most so long for the first image of the last request; return whether it is there."""
-        with self._wake:
-            return self._wake.wait_for(lambda: self.answered == self.asked or self._stopped, seconds)
-
-    def retire(self) -> None:
-        """Cancel for ever; return at once."""
-        with self._wake:
-            self._stopped, self._wanted = True, None
-            self._wake.notify_all()
 
     def stop(self) -> None:
-        """Cancel for ever and wait for the thread."""
-        self.retire()
-        thread = self._thread
-        if thread is not None:
-            thread.join()
-        self.image = self._seen = None
+        """Cancel for ever, wait for the thread, and drop its arrays."""
+        super().stop()
+        self._seen = None
 
-    def is_set(self) -> bool:
-        """Return whether the request at hand is cancelled: the painter is the signal of its own casting."""
-        return self._stopped or self._wanted is not None
-
-    def _run(self) -> None:
-        while True:
-            with self._wake:
-                request, self._wanted = self._wanted, None
-                if request is None or self._stopped:
-                    self._thread = None
-                    return
-                asked = self.asked
-            try:
-                self._paint(request, asked)
-            except Cancelled:
-                # A newer request waits, or the view has ended.
-                pass
-            except Exception as error:  # A thread has nowhere to raise.
-                self._answer(asked, None, failure_message(error))
-
-    def _paint(self, request: Request, asked: int) -> None:
-        """Make the first image, then finer ones, unless another request comes."""
+    def _paint(self, request: Request) -> None:
         scene = request.kept.updated(request.placements)
         key = (scene, volume_signature(request.projection, _bytes(request.members)), request.window)
         seen = self._seen
         if seen is not None and seen.key[0] is scene and seen.key[1:] == key[1:]:
             view, hits, step = None, seen.hits, seen.step
-            self._answer(asked, _image(request, hits, step))
+            self._show(_image(request, hits, step))
         else:
             view, step = (
                 LiveProjection.of(request.projection, request.members),
@@ -174,7 +106,7 @@ class LivePainter:
             begun = perf_counter()
             # Nothing cancels a first image: a drag would show none if it were asked for too often.
             hits = cast_live(scene, view, request.window.coarser(step))
-            self._answer(asked, _image(request, hits, step))
+            self._show(_image(request, hits, step))
             self._note_speed((perf_counter() - begun) / (hits.width * hits.height))
             self._seen = _Seen(key, hits, step)
         if step > 1.0 and not self._is_idle(IDLE_SECONDS + min(self.drawing, LONGEST_DRAWING)):
@@ -185,7 +117,7 @@ class LivePainter:
             hits = cast_live(scene, view, request.window.coarser(step), self)
             if self.is_set():
                 return
-            self._answer(asked, _image(request, hits, step))
+            self._show(_image(request, hits, step))
             self._seen = _Seen(key, hits, step)
         if step <= 1.0 and self._is_idle(SETTLE_SECONDS) and request.kept.settle():
             # The same image, of a scene built anew; a small one makes what is made at first use.
@@ -217,16 +149,6 @@ class LivePainter:
         """Wait so long; return whether no other request came."""
         with self._wake:
             return not self._wake.wait_for(self.is_set, seconds)
-
-    def _answer(self, asked: int, image: LiveImage | None, message: str = "") -> None:
-        with self._wake:
-            self._show(image, message)
-            self.answered = asked
-            self._wake.notify_all()
-
-    def _show(self, image: LiveImage | None, message: str = "") -> None:
-        self.image, self.message = image, message
-        self.number += 1
 
 
 def _image(request: Request, hits: LiveHits, step: float) -> LiveImage:

@@ -11,15 +11,15 @@ from ...casting.common.cancellation import is_uncancellable
 from ...projection.user_error import UserError
 from ...shading.frame import Frame
 from ...shading.typing import Single
-from ..blender.user_errors import NO_THREAD
+from ..tasks.task import Task
 from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache, prepare_scene
 
 RUNNING = "A render is already running: wait for it, or press Esc to cancel it"
 
 
-class RenderJob:
-    """One image that is rendered by a thread of its own. Start it with ``start``."""
+class RenderJob(Task[Frame]):
+    """One image that is rendered by a thread of its own. Its ``result`` is the frame."""
 
     def __init__(
         self,
@@ -29,35 +29,27 @@ class RenderJob:
         keep: bool = False,
     ):
         """with_tiles: ``new_tiles`` shows the image in the making. cache, keep: as for ``prepare_scene``."""
+        super().__init__(self._render, "SCFPF render")
         self._inputs: RenderInputs | None = inputs
         self.cache, self._keep = cache, keep
         self._building = True
-        self._cancelled = threading.Event()
-        # The share of the image that is done, 0 to 1.
-        self.progress = 0.0
         size = (inputs.settings.height, inputs.settings.width, 4)
         self._tiles = np.zeros(size, np.float32) if with_tiles else None
         self._has_new_tiles = threading.Event()
-        self._frame: Frame | None = None
-        self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, name="SCFPF render")
 
-    def _run(self) -> None:
-        try:
-            inputs, self._inputs = self._inputs, None
-            prepared = prepare_scene(inputs, self.cache, self._keep)
-            # Frees the part of the scene that the volume cannot meet.
-            del inputs
-            self.cache, self._building = prepared.cache, False
-            self._frame = prepared.render(
-                self._cancelled.is_set,
-                None if self._tiles is None else self._take_coarse,
-                progress=self._set_progress,
-                on_tile=lambda *_: self._has_new_tiles.set(),
-                pixels=self._tiles,
-            )
-        except BaseException as error:  # A thread has nowhere to raise: result() does it.
-            self._error = error
+    def _render(self, _task: Task[Frame]) -> Frame | None:
+        inputs, self._inputs = self._inputs, None
+        prepared = prepare_scene(inputs, self.cache, self._keep)
+        # Frees the part of the scene that the volume cannot meet.
+        del inputs
+        self.cache, self._building = prepared.cache, False
+        return prepared.render(
+            self.cancellation.is_set,
+            None if self._tiles is None else self._take_coarse,
+            progress=self._set_progress,
+            on_tile=lambda *_: self._has_new_tiles.set(),
+            pixels=self._tiles,
+        )
 
     def _take_coarse(self, pixels: Single) -> None:
         self._tiles[:] = pixels
@@ -73,42 +65,10 @@ class RenderJob:
         self._has_new_tiles.clear()
         return self._tiles
 
-    def start(self) -> None:
-        """Start the thread and return at once. Raises UserError if the system starts no thread."""
-        try:
-            self._thread.start()
-        except RuntimeError as error:
-            raise UserError(NO_THREAD) from error
-
     @property
     def building(self) -> bool:
         """Return whether the scene is being built, which cannot be cancelled."""
         return self._building or is_uncancellable()
-
-    @property
-    def running(self) -> bool:
-        """Return whether the thread is still at work."""
-        return self._thread.is_alive()
-
-    @property
-    def cancelled(self) -> bool:
-        """Return whether ``cancel`` was called; the thread may still be finishing a tile."""
-        return self._cancelled.is_set()
-
-    def cancel(self) -> None:
-        """Cancel the thread's work and return at once."""
-        self._cancelled.set()
-
-    def wait(self) -> None:
-        """Wait for the thread to end."""
-        self._thread.join()
-
-    def result(self) -> Frame | None:
-        """Wait for the thread and return the frame, None if cancelled. Raises the thread's error."""
-        self.wait()
-        if self._error is not None:
-            raise self._error
-        return None if self.cancelled else self._frame
 
 
 _current: RenderJob | None = None

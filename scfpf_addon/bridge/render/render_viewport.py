@@ -72,7 +72,7 @@ class ViewportRender:
                 self._ask(context, depsgraph)
             if self._painter.number != self._drawn:
                 self._drawn = self._painter.number
-                self._take(self._painter.painting)
+                self._take(self._painter.image)
         except Exception as error:  # Blender would print it, and the next drawing show the old image as done.
             self._message = failure_message(error)
         message = self._message or self._painter.message

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import threading
 from typing import NamedTuple
 
 from ...shading.frame import render_frame
 from ...shading.typing import Single
-from ..blender.user_errors import NO_THREAD, failure_message
+from ..tasks.painter import Painter
 from .coarse_image import coarse_inputs
 from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache
@@ -38,65 +37,12 @@ class Commission(NamedTuple):
     rectangle: Rectangle
 
 
-class ViewPainter:
-    """Paints the latest commission. Only the caller's thread may call its methods."""
+class ViewPainter(Painter[Commission, Painting]):
+    """Paints the latest commission, from coarse to final."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._wanted: Commission | None = None
-        self._thread: threading.Thread | None = None
-        self._stopped = False
+        super().__init__("SCFPF viewport")
         self._cache: SceneCache | None = None
-        # The newest painting, or the message of an error instead; the number changes with each.
-        self.painting: Painting | None = None
-        self.message = ""
-        self.number = 0
-
-    @property
-    def busy(self) -> bool:
-        """Return whether the thread is at work."""
-        with self._lock:
-            return self._thread is not None
-
-    def ask(self, commission: Commission) -> None:
-        """Paint this, and drop earlier commissions; return at once."""
-        with self._lock:
-            self._wanted = commission
-            if self._thread is None and not self._stopped:
-                thread = threading.Thread(target=self._run, name="SCFPF viewport")
-                try:
-                    thread.start()
-                except RuntimeError:
-                    self._wanted = None
-                    self._show(None, NO_THREAD)
-                else:
-                    self._thread = thread
-
-    def stop(self) -> None:
-        """Cancel for ever and wait for the thread."""
-        with self._lock:
-            self._stopped, thread = True, self._thread
-        if thread is not None:
-            thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._lock:
-                commission, self._wanted = self._wanted, None
-                if commission is None or self._stopped:
-                    self._thread = None
-                    return
-            try:
-                self._paint(commission)
-            except Exception as error:  # A thread has nowhere to raise.
-                self._show(None, failure_message(error))
-
-    def _is_cancelled(self) -> bool:
-        return self._stopped or self._wanted is not None
-
-    def _show(self, painting: Painting | None, message: str = "") -> None:
-        self.painting, self.message = painting, message
-        self.number += 1
 
     def _paint(self, commission: Commission) -> None:
         inputs = commission.inputs
@@ -107,7 +53,7 @@ class ViewPainter:
                 step.scene,
                 step.settings,
                 self._cache.cast_scene,
-                cancelled=self._is_cancelled,
+                cancelled=self.is_set,
             )
             if frame is None:
                 return

@@ -225,7 +225,7 @@ def test_a_move_cancels_the_solve_of_live_aim(solved, addon, monkeypatch):
     (first,) = live._solves.values()
     eye.location.x -= 0.05
     bpy.context.view_layer.update()
-    assert first._progress.is_set() and not live._solves and len(live._resting) == 1
+    assert first.task.cancelled and not live._solves and len(live._resting) == 1
     live.forget()
     assert not live._resting
 

@@ -173,8 +173,8 @@ def test_a_cancelled_solve_changes_nothing(scene, addon):
     while watched.share < 0.2:
         time.sleep(0.002)
     watched.cancel()
-    watched._thread.join(20.0)
-    assert not watched._thread.is_alive() and watched._result is None
+    with pytest.raises(addon("casting.common.cancellation").Cancelled):
+        watched.task.result()
     assert [slot.object for slot in camera.scfpf.surfaces] == before
     # The scene stays at its frame when targets have keys.
     target = camera.scfpf.aim_targets[0]

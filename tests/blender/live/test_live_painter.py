@@ -138,24 +138,6 @@ def test_a_broken_volume_raises_and_mends(viewport, addon):
     viewport.final()
 
 
-def test_no_thread(viewport, monkeypatch):
-    def fails(_self):
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(threading.Thread, "start", fails)
-    viewport.request()
-    assert viewport.painter.wait(0.0) and "threads" in viewport.painter.message
-
-
-def test_a_retired_painter_paints_no_more(viewport):
-    viewport.request()
-    viewport.painter.retire()
-    viewport.painter.stop()
-    viewport.camera.location.z += 0.1
-    viewport.request()
-    assert not viewport.painter.busy and viewport.painter.image is None
-
-
 def test_an_empty_scene(viewport):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     viewport.request()

@@ -47,7 +47,7 @@ def paint(addon, module, painter, context, depsgraph):
     while painter.busy:
         time.sleep(0.01)
     assert not painter.message
-    return painter.painting
+    return painter.image
 
 
 @pytest.mark.parametrize("preset", ["perspective", "nonlinear_twist"])
@@ -105,32 +105,13 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
         painter.ask(last)
     while painter.busy:
         time.sleep(0.01)
-    assert painter.painting.is_final and painter.painting.rectangle == last.rectangle
+    assert painter.image.is_final and painter.image.rectangle == last.rectangle
     cache = painter._cache
     # The same triangles read again are the same scene; a moved vertex is another.
     again = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
     assert preparation.SceneCache.of(again.geometry, cache) is cache
     again.geometry.vertices[0, 0] += 1e-9
     assert preparation.SceneCache.of(again.geometry, cache) is not cache
-
-
-def test_faults_are_messages(addon, module, painter, engine_scene, monkeypatch, capfd):
-    """Errors in the thread; the engine's own tests hold errors of reading."""
-    view_painter = addon("bridge.render.view_painter")
-
-    def fail(*_arguments, **_options):
-        raise ZeroDivisionError("in the core")
-
-    context, depsgraph = viewport(engine_scene)
-    scene = addon("bridge.scene.read_scene").read_scene(depsgraph)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(view_painter, "render_frame", fail)
-        painter.ask(module.read_commission(context, depsgraph, scene))
-        while painter.busy:
-            time.sleep(0.01)
-    assert "ZeroDivisionError" in painter.message and painter.painting is None
-    assert paint(addon, module, painter, context, depsgraph).is_final
 
 
 def test_the_ends_of_a_view_are_its_frustum(module, engine_scene):
@@ -178,25 +159,6 @@ def test_a_closed_viewport_ends_its_thread(addon, module, engine_scene):
     assert not painter.busy
     painter.ask(module.read_commission(context, depsgraph, scene))
     assert not painter.busy
-
-
-def test_a_thread_that_cannot_start_is_shown_in_the_viewport(
-    addon, module, painter, engine_scene, monkeypatch
-):
-    def refused(_thread):
-        raise RuntimeError("can't start new thread")
-
-    context, depsgraph = viewport(engine_scene)
-    scene = addon("bridge.scene.read_scene").read_scene(depsgraph)
-    before = painter.number
-    with monkeypatch.context() as patched:
-        patched.setattr(threading.Thread, "start", refused)
-        painter.ask(module.read_commission(context, depsgraph, scene))
-    assert "starts no more threads" in painter.message and painter.number > before and not painter.busy
-    painter.ask(module.read_commission(context, depsgraph, scene))
-    while painter.busy:
-        time.sleep(0.01)
-    assert painter.painting.is_final and not painter.message
 
 
 def test_an_image_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
