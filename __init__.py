@@ -13,24 +13,25 @@ def _types():
 
 def register():
     from . import operators, panels
-    from .scfpf_addon import bridge, cycles, scanline
+    from .scfpf_addon import bridge, cycles, events
     from .scfpf_addon.bridge.render import type_registration
 
     type_registration.register_types(_types())
     bridge.register()
-    scanline.register()
     cycles.register()
+    events.register()
     operators.register()
     panels.register()
 
 
 def unregister():
     from . import operators, panels
-    from .scfpf_addon import bridge, cycles, scanline
+    from .scfpf_addon import bridge, cycles, events, scanline
     from .scfpf_addon.bridge.render import type_registration
 
     panels.unregister()
     operators.unregister()
+    events.unregister()
     cycles.unregister()
     scanline.unregister()
     bridge.unregister()

@@ -18,7 +18,7 @@ from .camera import (
     tutorial,
     ways,
 )
-from .common import running, unstored_edits
+from .common import running
 from .image import find, pick, render
 from .layers import layer_check, layer_list, layer_render
 from .volume import framing, mappings, surface_tools, surfaces, volume_tools
@@ -54,7 +54,6 @@ MODULES = (
     layer_list,
     layer_check,
     layer_render,
-    unstored_edits,  # after all other handlers
 )
 
 

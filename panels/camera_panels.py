@@ -12,7 +12,7 @@ from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
-from ..scfpf_addon.bridge.sync.handlers import sharers
+from ..scfpf_addon.bridge.sync.camera_sync import sharers
 from ..scfpf_addon.projection.user_error import UserError
 from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
 from .mapping_stack import draw_stack

@@ -12,6 +12,7 @@ from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, sho
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
@@ -23,7 +24,6 @@ from ..common import running
 from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
-from ..common.unstored_edits import note_edit
 from .watched import Watched
 
 NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"

@@ -4,6 +4,7 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
@@ -13,7 +14,6 @@ from ..common import running
 from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text, translated_report
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"

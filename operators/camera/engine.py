@@ -1,26 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Choose SCFPF as the render engine, and warn when F12 ignores a flexible camera."""
 
-import sys
-from collections import deque
-
 import bpy
-from bpy.app.handlers import persistent
 
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
-from ...scfpf_addon.cycles.engine_choice import f12_warning
+from ...scfpf_addon.cycles.engine_choice import warnings
 from ..common import running
 from ..common.target import flexible_camera_of, poll_scene
-from ..common.unstored_edits import note_edit
-from ..common.words import translated_report
 
 # Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
 TICK = 0.1
-
-# Warnings to report from the main thread: handlers run in the thread of the render.
-_waiting: deque[str] = deque()
 
 
 class SCFPF_OT_engine_use(bpy.types.Operator):
@@ -76,23 +68,12 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
 
 
-@persistent
-def _render_begins(scene, *_) -> None:
-    message = f12_warning(scene)
-    if not message:
-        return
-    if bpy.app.background:
-        print(f"SCFPF: warning: {message}", file=sys.stderr)
-    else:
-        _waiting.append(translated_report(message))
-
-
 def _look() -> float:
     """Report the queued warnings; a timer of the main thread."""
     windows = bpy.context.window_manager.windows
-    while _waiting and windows:
+    while warnings and windows:
         with bpy.context.temp_override(window=windows[0]):
-            bpy.ops.scfpf.engine_warn("INVOKE_DEFAULT", message=_waiting.popleft())
+            bpy.ops.scfpf.engine_warn("INVOKE_DEFAULT", message=warnings.popleft())
     return LOOK
 
 
@@ -103,7 +84,6 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 
 def register():
     _register_classes()
-    bpy.app.handlers.render_init.append(_render_begins)
     if not bpy.app.background:
         bpy.app.timers.register(_look, persistent=True)
 
@@ -111,5 +91,4 @@ def register():
 def unregister():
     if bpy.app.timers.is_registered(_look):
         bpy.app.timers.unregister(_look)
-    bpy.app.handlers.render_init.remove(_render_begins)
     _unregister_classes()

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.layers.read_image_layers import not_here
@@ -15,7 +16,6 @@ from ..common import running
 from ..common.errors import failed, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text, translated_report
 
 FLAT = (

@@ -4,9 +4,9 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.settings.stylised_styles import STYLES, apply_style
 from ..common.target import poll_scene
-from ..common.unstored_edits import note_edit
 
 
 class SCFPF_OT_drawn_style(bpy.types.Operator):

@@ -3,9 +3,9 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.render.tutorial_scene import BLOCK_SIZE, BLOCKS, new_tutorial_scene
 from ..common.target import poll_object_mode
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text
 
 

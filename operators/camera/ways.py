@@ -3,8 +3,9 @@
 
 import bpy
 
-from ...scfpf_addon.bridge.blender.app_handlers import DrawHandler
+from ...scfpf_addon.bridge.blender.draw_handler import DrawHandler
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.live.live_drawing import SHADINGS
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
@@ -20,7 +21,6 @@ from ..common.target import (
     poll_flexible_camera_in_any_mode,
 )
 from ..common.tool import plain
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text
 from ..image.preparation import redraw_interface
 

@@ -6,7 +6,7 @@ import bpy
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
-from ...scfpf_addon.bridge.sync.handlers import camera_objects
+from ...scfpf_addon.bridge.sync.camera_sync import camera_objects
 from ...scfpf_addon.projection.user_error import UserError
 
 NO_CAMERA = (

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from bpy.app.translations import pgettext_rpt
 
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from .errors import refused
 from .target import flexible_camera_of, poll_flexible_camera, selected_objects
-from .unstored_edits import note_edit
 
 # Steps in a list, by the property Direction.
 STEPS = {"UP": -1, "DOWN": 1}

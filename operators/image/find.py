@@ -5,13 +5,13 @@ import bpy
 import numpy as np
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import refused
 from ..common.target import editable_camera, selected_objects
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface

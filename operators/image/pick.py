@@ -5,12 +5,12 @@ import bpy
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import refused
 from ..common.target import editable_camera
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface

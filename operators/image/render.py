@@ -4,7 +4,6 @@
 import time
 
 import bpy
-from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
@@ -292,19 +291,10 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 )
 
 
-@persistent
-def _file_loaded(*_):
-    # The cache of persistent data may hold hundreds of MB of the previous file.
-    render_job.forget()
-
-
-def register():
-    _register_classes()
-    bpy.app.handlers.load_post.append(_file_loaded)
+register = _register_classes
 
 
 def unregister():
-    bpy.app.handlers.load_post.remove(_file_loaded)
     # Before the classes are removed, because their thread may still be at work.
     render_job.forget()
     _unregister_classes()

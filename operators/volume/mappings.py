@@ -5,6 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ...scfpf_addon.bridge.blender.slot_animation import MAPPINGS, move_slot
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.mappings import mapping_edits
 from ...scfpf_addon.bridge.mappings.st_map_image import CONTENTS, write_st_map
@@ -13,7 +14,6 @@ from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ...scfpf_addon.projection.user_error import UserError
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import STEPS, Tool, select_only, tooltip_of
-from ..common.unstored_edits import note_edit
 from ..common.words import report_text, translated_report
 from ..image.image_click import ImageClick
 

@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import (
     add_surface,
@@ -23,7 +24,6 @@ from ..common.target import (
     selected_objects,
 )
 from ..common.tool import STEPS, Action, Tool, select_only
-from ..common.unstored_edits import note_edit
 from .surface_placement import surface_place
 
 

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from .aim import live_aim, scene_marks, widgets
+from .blender import unstored_edits
 from .live import live_drawing
-from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
-from .render import command_line, render_engine, render_passes, result_image
+from .render import command_line, render_engine, render_passes
 from .settings import (
     aim_properties,
     blend_properties,
@@ -16,9 +16,7 @@ from .settings import (
     mapping_properties,
     sampling,
     stylised_properties,
-    validation,
 )
-from .sync import handlers
 
 # Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
@@ -34,16 +32,12 @@ TYPES = (
 )
 # Registered in this order after the types, unregistered in the reverse before them.
 MODULES = (
-    validation,  # before all others that read a loaded file
-    st_map_image,
-    handlers,
-    live_aim,  # after the handlers that know the cameras
+    unstored_edits,
     live_drawing,  # under the volumes' lines
     viewport_overlay,
     image_marks,
     scene_marks,
     widgets,
-    result_image,
     command_line,
 )
 
@@ -54,5 +48,6 @@ def register():
 
 
 def unregister():
+    live_aim.stop()
     for module in reversed(MODULES):
         module.unregister()

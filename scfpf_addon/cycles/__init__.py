@@ -14,17 +14,15 @@ def types():
 
 def register():
     from . import rig
-    from .layers import layers_job, passes_image
+    from .layers import layers_job
 
     rig.register()
     layers_job.register()
-    passes_image.register()
 
 
 def unregister():
     from . import rig
-    from .layers import layers_job, passes_image
+    from .layers import layers_job
 
-    passes_image.unregister()
     layers_job.unregister()
     rig.unregister()

@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+import sys
+from collections import deque
+
 import bpy
 
 from ..bridge.blender.rig_mark import camera_behind
+from ..bridge.blender.user_errors import translated_report
 from ..bridge.render.render_engine import ENGINE
 from ..projection.user_error import Message
 from .rig_data import CYCLES, rig_of
+
+# Warnings that the main thread is to report: Blender tells of a render in the thread of its job.
+warnings: deque[str] = deque()
 
 # The warning about F12 through a rig in a stereoscopic scene.
 ALIKE = Message("Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy")
@@ -50,3 +57,14 @@ def f12_warning(scene) -> str:
         engine_name(scene),
         camera.name,
     )
+
+
+def render_begins(scene) -> None:
+    """Warn of what the render that begins ignores: in the background at once, else by ``warnings``."""
+    message = f12_warning(scene)
+    if not message:
+        return
+    if bpy.app.background:
+        print(f"SCFPF: warning: {message}", file=sys.stderr)
+    else:
+        warnings.append(translated_report(message))

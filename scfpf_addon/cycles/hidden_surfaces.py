@@ -22,7 +22,7 @@ from ..bridge.blender.rig_mark import (
 )
 from ..bridge.blender.scene_objects import holds
 from ..bridge.blender.slot_animation import curve_collections
-from ..bridge.sync.handlers import camera_objects
+from ..bridge.sync.camera_sync import camera_objects
 from ..bridge.volume.camera_members import grids_of, surfaces_of
 
 # Lattices are not rendered.

@@ -12,14 +12,12 @@ from contextlib import contextmanager, suppress
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ..bridge.blender import versions
 from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
-from ..bridge.blender.app_handlers import add_handlers, remove_handlers
 from ..bridge.blender.user_errors import translated_report
 from ..bridge.render.image_size import image_size
-from ..bridge.sync.handlers import sync as sync_volumes
+from ..bridge.sync.camera_sync import sync as sync_volumes
 from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
@@ -386,31 +384,31 @@ def _note_flat(rig, projection: Projection, chords: ChordPlan) -> None:
     _note_values(rig.scfpf_rig, flat=has_no_area(layers))
 
 
-@persistent
-def _scene_updated(scene, depsgraph) -> None:
+def scene_updated(scene, depsgraph) -> None:
+    """Keep the scene's rigs consistent after an evaluation."""
     prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         sync(scene, depsgraph)
         versions.settle_view_layers()
 
 
-@persistent
-def _frame_changed(scene, depsgraph) -> None:
+def frame_changed(scene, depsgraph) -> None:
+    """Keep the scene's rigs consistent at another frame."""
     prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         sync(scene, depsgraph, may_remove=False)
         versions.settle_view_layers()
 
 
-@persistent
-def _before_history(*_) -> None:
+def release_for_history() -> None:
+    """Clear the pointers that handlers have set, before undo and redo."""
     _released.clear()
     for rig in rigs():
         _released[rig.session_uid] = release_pointers(rig)
 
 
-@persistent
-def _after_history(*_) -> None:
+def restore_after_history() -> None:
+    """Set the pointers again after undo and redo."""
     _seen.clear()
     forget_all()
     for rig in rigs():
@@ -430,8 +428,8 @@ def _renew_table(rig) -> None:
             rig.scfpf_rig.problem = translated_report(error)
 
 
-@persistent
-def _file_loaded(*_) -> None:
+def file_loaded() -> None:
+    """Prepare the rigs of a file that Blender has loaded."""
     _seen.clear()
     forget_all()
     for rig in rigs():
@@ -443,16 +441,15 @@ def _file_loaded(*_) -> None:
     prices.forget()
 
 
-@persistent
-def _render_begins(*_) -> None:
+def render_begins(_scene) -> None:
+    """Hide the surfaces from a render in the background."""
     # A script may add a surface and render before anything was evaluated. In a window the render is a job;
     # the scene was evaluated before it.
     if not bpy.app.is_job_running("RENDER"):
         _hide_surfaces()
 
 
-@persistent
-def _frame_begins(scene, *_) -> None:
+def frame_begins(scene) -> None:
     """Look for empty chords at each frame: in the background the scene is at it only when it is rendered."""
     if bpy.app.is_job_running("RENDER"):
         return
@@ -463,24 +460,9 @@ def _frame_begins(scene, *_) -> None:
     versions.settle_view_layers()
 
 
-HANDLERS = {
-    "depsgraph_update_post": _scene_updated,
-    "frame_change_post": _frame_changed,
-    "undo_pre": _before_history,
-    "redo_pre": _before_history,
-    "undo_post": _after_history,
-    "redo_post": _after_history,
-    "load_post": _file_loaded,
-    "render_init": _render_begins,
-    "render_pre": _frame_begins,
-}
-
-
 def register():
     hidden_surfaces.forget()
-    add_handlers(HANDLERS)
 
 
 def unregister():
     prices.unregister()
-    remove_handlers(HANDLERS)

@@ -7,9 +7,4 @@ from .preview import preview, preview_properties
 TYPES = (preview_properties,)
 
 
-def register():
-    preview.register()
-
-
-def unregister():
-    preview.unregister()
+unregister = preview.unregister

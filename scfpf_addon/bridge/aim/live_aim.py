@@ -13,14 +13,12 @@ from time import monotonic
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...projection.user_error import Message
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.scene_objects import object_by_uid
 from ..blender.user_errors import USER_ERRORS, translated_report
 from ..camera.flexible_camera import control_objects
-from ..sync.handlers import camera_objects
+from ..sync.camera_sync import camera_objects
 from .aimed_volume import start_of
 from .drag import AimDrag
 from .solve_targets import solving
@@ -124,8 +122,8 @@ def _told(camera):
         camera.scfpf.aim.message = translated_report(error)
 
 
-@persistent
-def _evaluated(_scene, depsgraph):
+def scene_updated(_scene, depsgraph) -> None:
+    """Let the volumes of live cameras follow their targets."""
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
     live = [camera for camera in camera_objects() if is_live(camera)]
@@ -161,27 +159,8 @@ def forget() -> None:
         kept.clear()
 
 
-@persistent
-def _forget(*_):
-    forget()
-
-
-HANDLERS = {
-    "depsgraph_update_post": _evaluated,
-    "undo_pre": _forget,
-    "undo_post": _forget,
-    "redo_pre": _forget,
-    "redo_post": _forget,
-    "load_post": _forget,
-}
-
-
-def register():
-    add_handlers(HANDLERS)
-
-
-def unregister():
+def stop() -> None:
+    """End all drags and solves, and the timer."""
     forget()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    remove_handlers(HANDLERS)

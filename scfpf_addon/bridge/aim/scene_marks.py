@@ -11,7 +11,7 @@ from mathutils import Vector
 
 from ...projection.typing import Array
 from ...projection.user_error import UserError
-from ..blender.app_handlers import DrawHandler
+from ..blender.draw_handler import DrawHandler
 from ..overlays.image_marks import MARK, SHADER
 from ..overlays.viewport_overlay import visible_cameras
 from ..settings.aim_properties import PIN, VIEW

@@ -7,9 +7,8 @@ from time import perf_counter
 
 import bpy
 import gpu
-from bpy.app.handlers import persistent
 
-from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ..blender.draw_handler import DrawHandler
 from ..blender.user_errors import failure_message
 from ..overlays.image_marks import draw_cross
 from ..render.render_viewport import camera_rectangle, viewport_eye
@@ -214,8 +213,8 @@ def _may_be_shown(obj) -> bool:
     return obj.type not in NO_FACES or obj.is_instancer
 
 
-@persistent
-def _evaluated(_scene, depsgraph):
+def scene_updated(_scene, depsgraph) -> None:
+    """Note for every live view what an evaluation has changed."""
     found = sources()
     if not found or depsgraph.mode != "VIEWPORT":
         return
@@ -231,34 +230,20 @@ def _evaluated(_scene, depsgraph):
         source.mark_edited(names, bool(moved))
 
 
-@persistent
-def _history_changed(*_):
+def file_changed() -> None:
+    """Note for every live view that anything may have changed."""
     for source in sources():
         source.mark_edited()
         source.looks.mark_edited()
 
 
-@persistent
-def _file_changes(*_):
-    stop_all()
-
-
-HANDLERS = {
-    "depsgraph_update_post": _evaluated,
-    "frame_change_post": _evaluated,
-    "undo_post": _history_changed,
-    "redo_post": _history_changed,
-    "load_pre": _file_changes,
-}
 _draw_handler = DrawHandler(bpy.types.SpaceView3D, draw_viewport, "POST_VIEW")
 
 
 def register():
-    add_handlers(HANDLERS)
     _draw_handler.register()
 
 
 def unregister():
     _draw_handler.unregister()
-    remove_handlers(HANDLERS)
     stop_all()

@@ -7,13 +7,11 @@ import time
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...projection.mappings.grids import STMap
 from ...projection.mappings.stack import Stack, mapped_places
 from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.packing import pack
 
 IMAGE_NAME = "SCFPF ST Map"
@@ -138,29 +136,12 @@ def _st_values(projection: Projection, content: str, inverse: bool, x, y):
     return u, v, np.isfinite(u) & np.isfinite(v)
 
 
-@persistent
-def _scene_updated(_scene, depsgraph):
+def scene_updated(_scene, depsgraph) -> None:
+    """Note that an image has changed, of which a mapping may read its pixels."""
     if depsgraph.id_type_updated("IMAGE"):
         _cache.edits += 1
 
 
-@persistent
-def _file_changed(*_):
+def file_changed() -> None:
+    """Note that any image may have changed."""
     _cache.edits += 1
-
-
-HANDLERS = {
-    "depsgraph_update_post": _scene_updated,
-    "undo_post": _file_changed,
-    "redo_post": _file_changed,
-    "load_post": _file_changed,
-}
-
-
-def register():
-    # Other handlers ask whether a stack has changed.
-    add_handlers(HANDLERS, at_front=True)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

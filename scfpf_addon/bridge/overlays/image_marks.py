@@ -10,7 +10,7 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ..blender.app_handlers import DrawHandler
+from ..blender.draw_handler import DrawHandler
 from ..blender.rig_mark import camera_behind
 from ..render.result_image import result_image
 

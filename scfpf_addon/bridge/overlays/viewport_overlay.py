@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 
 import bpy
 import gpu
-from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 from mathutils import Color, Matrix
 
@@ -20,10 +19,10 @@ from ...projection.diagrams.line_colors import line_colors
 from ...projection.diagrams.projector_lines import projector_point
 from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
-from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ..blender.draw_handler import DrawHandler
 from ..camera.read_projection import read_projection
 from ..render.image_size import image_aspect
-from ..sync.handlers import concerned
+from ..sync.camera_sync import concerned
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
 # Multiples of the line thickness that the preferences suggest for the screen.
@@ -313,8 +312,8 @@ def draw_viewport() -> None:
         draw_volume(camera, depsgraph, aspect, context.preferences.system.pixel_size, background)
 
 
-@persistent
-def _evaluated(_scene, depsgraph):
+def scene_updated(_scene, depsgraph) -> None:
+    """Note the cameras whose lines an evaluation may have changed."""
     # An unlinked surface counts as deleted.
     if depsgraph.id_type_updated("COLLECTION"):
         drawings.mark_edited()
@@ -322,32 +321,23 @@ def _evaluated(_scene, depsgraph):
         drawings.mark_edited(concerned(depsgraph))
 
 
-@persistent
-def _file_edited(*_):
+def file_changed() -> None:
+    """Note that any camera's lines may have changed."""
     drawings.mark_edited()
 
 
-@persistent
-def _file_loaded(*_):
+def file_loaded() -> None:
+    """Forget the lines of the file before."""
     drawings.clear()
 
 
-HANDLERS = {
-    "depsgraph_update_post": _evaluated,
-    "frame_change_post": _evaluated,
-    "undo_post": _file_edited,
-    "redo_post": _file_edited,
-    "load_post": _file_loaded,
-}
 _draw_handler = DrawHandler(bpy.types.SpaceView3D, draw_viewport, "POST_VIEW")
 
 
 def register():
-    add_handlers(HANDLERS)
     _draw_handler.register()
 
 
 def unregister():
     _draw_handler.unregister()
-    remove_handlers(HANDLERS)
     drawings.clear()

@@ -11,11 +11,9 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...projection.user_error import UserError
 from ...shading.typing import Single
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.user_errors import failure_message, translated_report
 from ..camera.stereo_views import eye_of, view_camera
 from .image_size import render_region, require_size
@@ -201,12 +199,9 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self.error_set(message)
 
 
-@persistent
-def _job_begins(*_):
+def render_begins(_scene) -> None:
+    """Forget which warnings were reported, when a job begins."""
     _said.clear()
-
-
-HANDLERS = {"render_init": _job_begins}
 
 
 def _is_of_freestyle(scene) -> bool:
@@ -243,14 +238,12 @@ def _leave():
 
 def register():
     bpy.utils.register_class(SCFPF_RenderEngine)
-    add_handlers(HANDLERS)
     if bpy.app.module:
         atexit.register(_leave)
 
 
 def unregister():
     stop_all()
-    remove_handlers(HANDLERS)
     atexit.unregister(_leave)
     # Blender switches add-ons off after Python's exit functions have run.
     if SCFPF_RenderEngine.is_registered:

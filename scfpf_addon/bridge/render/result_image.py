@@ -15,10 +15,8 @@ import uuid
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...shading.typing import Single
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.packing import pack
 
 IMAGE_NAME = "SCFPF Render"
@@ -129,8 +127,8 @@ def _scene_linear() -> str:
     return name
 
 
-@persistent
-def _after_undo(_scene, _depsgraph=None) -> None:
+def history_changed() -> None:
+    """Read the pixels again after undo or redo, which Blender does not."""
     global _in_memory
     image = result_image()
     if image is None or image.get(STAMP, "") == _in_memory or not (image.packed_file or STAMP in image):
@@ -140,14 +138,3 @@ def _after_undo(_scene, _depsgraph=None) -> None:
     image.buffers_free()
     _in_memory = image.get(STAMP, "")
     redraw_image_editors()
-
-
-HANDLERS = {"undo_post": _after_undo, "redo_post": _after_undo}
-
-
-def register():
-    add_handlers(HANDLERS)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

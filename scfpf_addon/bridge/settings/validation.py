@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..surfaces.surface_limits import limit_older_groups
 
 
@@ -68,18 +66,7 @@ def _is_valid(prop, value) -> bool:
     return True
 
 
-@persistent
-def _loaded(*_):
+def file_loaded() -> None:
+    """Reset what is invalid in a file that Blender has loaded."""
     validate_file()
     limit_older_groups()
-
-
-HANDLERS = {"load_post": _loaded}
-
-
-def register():
-    add_handlers(HANDLERS)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

@@ -12,9 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
-from ...bridge.blender.app_handlers import add_handlers, remove_handlers
 from ...bridge.blender.packing import LARGEST_FILE, TOO_LARGE
 from ...bridge.render.result_image import redraw_image_editors
 from ...projection.user_error import Message
@@ -79,19 +77,8 @@ def _image(path: str):
     return image
 
 
-@persistent
-def _after_undo(_scene, _depsgraph=None) -> None:
+def history_changed() -> None:
+    """Read the pixels again after undo or redo, which Blender does not."""
     image = passes_image()
     if image is not None and image.packed_file:
         image.buffers_free()
-
-
-HANDLERS = {"undo_post": _after_undo, "redo_post": _after_undo}
-
-
-def register():
-    add_handlers(HANDLERS)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

@@ -13,14 +13,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...bridge.blender import versions
 from ...bridge.blender.all_or_nothing import all_or_nothing
-from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ...bridge.blender.draw_handler import DrawHandler
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.scene.read_materials import volume_only_materials
-from ...bridge.sync.handlers import sync as sync_volumes
+from ...bridge.sync.camera_sync import sync as sync_volumes
 from ...projection.user_error import UserError
 from ..table.mapping_table import image_signature
 from . import preview_drafts, preview_viewports
@@ -343,18 +342,8 @@ def _sync_viewports() -> None:
     _sync_sleep()
 
 
-@persistent
-def _scene_changes(scene, _=None) -> None:
-    preview_drafts.before_evaluation(scene)
-
-
-@persistent
-def _frame_changes(scene, _=None) -> None:
-    preview_drafts.before_frame(scene)
-
-
-@persistent
-def _scene_updated(scene, depsgraph) -> None:
+def scene_updated(scene, depsgraph) -> None:
+    """Keep the scene's previews consistent after an evaluation."""
     if depsgraph.mode == "VIEWPORT":
         preview_drafts.after_evaluation(scene, depsgraph)
         changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
@@ -363,22 +352,22 @@ def _scene_updated(scene, depsgraph) -> None:
         versions.settle_view_layers()
 
 
-@persistent
-def _frame_changed(scene, depsgraph) -> None:
+def frame_changed(scene, depsgraph) -> None:
+    """Keep the scene's previews consistent at another frame."""
     if depsgraph.mode == "VIEWPORT":
         sync(scene, False, may_remove=False)
         preview_drafts.after_frame(scene, depsgraph)
         versions.settle_view_layers()
 
 
-@persistent
-def _before_history(*_) -> None:
+def release_for_history() -> None:
+    """Clear the pointers that handlers have set, before undo and redo."""
     for source in previews():
         release_pointers(source)
 
 
-@persistent
-def _after_history(*_) -> None:
+def restore_after_history() -> None:
+    """Set the pointers again after undo and redo."""
     for state in _states.values():
         state.camera = None
     _sync_all()
@@ -387,8 +376,8 @@ def _after_history(*_) -> None:
     _sync_viewports_soon()
 
 
-@persistent
-def _file_loaded(*_) -> None:
+def file_loaded() -> None:
+    """Prepare the previews of a file that Blender has loaded."""
     _states.clear()
     _known.clear()
     preview_drafts.forget()
@@ -398,16 +387,15 @@ def _file_loaded(*_) -> None:
     _sync_all()
 
 
-@persistent
-def _saving(*_) -> None:
+def file_saves() -> None:
     """Wake all previews, and make them whole: files must work where the add-on is not, which could do it."""
     preview_drafts.finish()
     for source in previews():
         set_asleep(source, False)
 
 
-@persistent
-def _saved(*_) -> None:
+def file_saved() -> None:
+    """Let previews that nobody sees sleep again."""
     if not bpy.app.background:
         _sync_sleep()
 
@@ -418,28 +406,7 @@ def _sync_all() -> None:
             sync(scene, True)
 
 
-HANDLERS = {
-    "depsgraph_update_pre": _scene_changes,
-    "frame_change_pre": _frame_changes,
-    "depsgraph_update_post": _scene_updated,
-    "frame_change_post": _frame_changed,
-    "undo_pre": _before_history,
-    "redo_pre": _before_history,
-    "undo_post": _after_history,
-    "redo_post": _after_history,
-    "load_post": _file_loaded,
-    "save_pre": _saving,
-    "save_post": _saved,
-    "save_post_fail": _saved,
-}
-
-
-def register():
-    add_handlers(HANDLERS)
-
-
 def unregister():
-    remove_handlers(HANDLERS)
     _stop_watch()
     preview_drafts.stop()
     if bpy.app.timers.is_registered(_sync_viewports):

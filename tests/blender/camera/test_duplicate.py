@@ -22,7 +22,7 @@ def shown(addon):
 
 @pytest.fixture
 def sharers(addon):
-    return addon("bridge.sync.handlers").sharers
+    return addon("bridge.sync.camera_sync").sharers
 
 
 def add_camera(preset="around_the_car"):

@@ -10,7 +10,7 @@ CAMERAS = 12
 
 @pytest.fixture
 def handlers(addon):
-    return addon("bridge.sync.handlers")
+    return addon("bridge.sync.camera_sync")
 
 
 @pytest.fixture

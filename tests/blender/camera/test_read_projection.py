@@ -206,10 +206,10 @@ def near_and_far(bridge, camera):
 @pytest.fixture
 def without_handlers(addon):
     """Without the handler that would bring a lost volume object back."""
-    handlers = addon("bridge.sync.handlers")
-    handlers.unregister()
+    events = addon("events")
+    events.unregister()
     yield
-    handlers.register()
+    events.register()
 
 
 def test_a_lost_volume_object_is_named_or_not_needed(without_handlers, bridge, reading, pure, camera):

@@ -197,7 +197,7 @@ def test_an_own_frustum_alone_needs_no_rig(scene, addon):
         volume, before = master.scfpf.volume_object, set(bpy.data.objects)
         with cycles.layer_eyes.seen_through(passing, views[0]):
             assert addon("cycles.engine_choice").f12_warning(passing.scene) == ""
-            addon("bridge.sync.handlers").sync()
+            addon("bridge.sync.camera_sync").sync()
             assert len(bpy.data.objects) == len(before) + 1
             assert master.scfpf.volume_object == volume
         assert set(bpy.data.objects) == before

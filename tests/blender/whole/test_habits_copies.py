@@ -366,7 +366,7 @@ def test_handlers_do_nothing_while_nothing_has_changed(addon, shown, monkeypatch
     """Moving things, playing the animation and turning the view never look at all objects."""
     camera = add_camera()
     shown(camera)
-    handlers = addon("bridge.sync.handlers")
+    handlers = addon("bridge.sync.camera_sync")
     calls = []
     monkeypatch.setattr(handlers, "sync_volume_object", lambda c: calls.append(c.name))
     for frame in range(1, 4):

@@ -13,10 +13,8 @@ from collections.abc import Iterable
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ..blender import versions
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..volume.camera_members import all_cameras, surfaces_of
 from ..volume.edit_mode import release
 from ..volume.volume_object import (
@@ -163,8 +161,8 @@ def _file_facts() -> tuple:
     return numbers.tobytes(), tuple(scene.session_uid for scene in bpy.data.scenes)
 
 
-@persistent
-def _evaluated(scene, depsgraph):
+def scene_updated(scene, depsgraph) -> None:
+    """Repair the cameras that an evaluation concerns."""
     # A render job reads the file in another thread.
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
@@ -181,16 +179,15 @@ def _hide_surfaces(scene, view_layer) -> None:
         versions.settle_view_layers()
 
 
-@persistent
-def _render_begins(*_):
+def render_begins(_scene) -> None:
+    """Repair all cameras before a render in the background."""
     # A script may duplicate a camera and render before anything is evaluated. With a window the render is a
     # job, and everything before it has been evaluated.
     if not bpy.app.is_job_running("RENDER"):
         sync()
 
 
-@persistent
-def _history_changes(*_):
+def release_for_history() -> None:
     """Clear the pointers that handlers have set, before undo and redo.
 
     Handlers change datablocks after Blender has stored a step. The next step may lack the objects that they
@@ -201,8 +198,8 @@ def _history_changes(*_):
     _state.repaired.clear()
 
 
-@persistent
-def _redone(*_):
+def restore_redone() -> None:
+    """Set the pointers again after redo, and repair all cameras."""
     # Objects may have other names and addresses. Deleted ones may exist again although no camera has changed.
     forget()
     released, _state.released = _state.released, {}
@@ -215,43 +212,22 @@ def _redone(*_):
     _hide_surfaces(bpy.context.scene, bpy.context.view_layer)
 
 
-@persistent
-def _undone(*_):
+def restore_undone() -> None:
+    """Set the pointers again after undo, and repair all cameras."""
     _state.surfaces.forget_owners()
-    _redone()
+    restore_redone()
 
 
-@persistent
-def _saving(*_):
+def file_saves() -> None:
+    """Repair all cameras before the file is written."""
     # A script may delete a camera and save before anything is evaluated.
     sync()
 
 
-@persistent
-def _loaded(*_):
+def file_loaded() -> None:
+    """Repair all cameras of a file that Blender has loaded."""
     # Overrides may have been reset to the library's values, and a load need not evaluate anything.
     forget()
     _state.repaired.clear()
     _state.surfaces.clear()
     sync()
-
-
-HANDLERS = {
-    "depsgraph_update_post": _evaluated,
-    "render_init": _render_begins,
-    "save_pre": _saving,
-    "undo_pre": _history_changes,
-    "redo_pre": _history_changes,
-    "undo_post": _undone,
-    "redo_post": _redone,
-    "load_post": _loaded,
-}
-
-
-def register():
-    forget()
-    add_handlers(HANDLERS)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

@@ -12,13 +12,10 @@ from __future__ import annotations
 import sys
 
 import bpy
-from bpy.app.handlers import persistent
 from bpy.props import IntProperty
 
-from ...scfpf_addon.bridge.blender.app_handlers import add_handlers, remove_handlers
-
 # The extension's own modules, of which one is the outermost caller where Blender itself calls an operator.
-_OURS = __name__.partition("operators")[0]
+_OURS = __name__.partition("scfpf_addon")[0]
 
 
 class _Edit:
@@ -79,13 +76,16 @@ def _look_later() -> None:
     _look_for_step()
 
 
-@persistent
-def _evaluated(*_):
+def scene_updated(_scene, _depsgraph) -> None:
+    """Forget the edit if an operator that stores a step has ended since."""
     _look_for_step()
 
 
-@persistent
-def _undoes(*_):
+def store_before_undo() -> None:
+    """Store the edit before Blender undoes.
+
+    Called before what releases pointers: a step holds the file as the artist sees it.
+    """
     if not _edit.is_open:
         return
     _store()
@@ -96,8 +96,8 @@ def _undoes(*_):
         bpy.ops.ed.redo()
 
 
-@persistent
-def _redoes(*_):
+def store_before_redo() -> None:
+    """Store the edit before Blender redoes, which then finds nothing to redo."""
     if _edit.is_open:
         _store()
 
@@ -107,14 +107,9 @@ def _store() -> None:
     bpy.ops.ed.undo_push(message="Script")
 
 
-@persistent
-def _forget(*_):
+def forget() -> None:
+    """Forget the edit."""
     _edit.is_open = False
-
-
-# Called before all others of ours, which release what steps do not hold.
-BEFORE = {"undo_pre": _undoes, "redo_pre": _redoes}
-HANDLERS = {"depsgraph_update_post": _evaluated, "load_post": _forget}
 
 
 def register():
@@ -123,14 +118,10 @@ def register():
         description="Counts edits by scripts, so that undo knows whether a step holds the last one",
         options={"HIDDEN"},
     )
-    _forget()
-    add_handlers(BEFORE, at_front=True)
-    add_handlers(HANDLERS)
+    forget()
 
 
 def unregister():
-    remove_handlers(HANDLERS)
-    remove_handlers(BEFORE)
     if bpy.app.timers.is_registered(_look_later):
         bpy.app.timers.unregister(_look_later)
     del bpy.types.Scene.scfpf_edits
