@@ -44,7 +44,7 @@ from scfpf_addon.projection.surfaces.surface import (
 )
 from scfpf_addon.projection.typing import Array
 from scfpf_addon.projection.volume.basis import span_basis
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 WIDTH, HEIGHT = 96, 54
@@ -235,7 +235,7 @@ def random_projection(generator: np.random.Generator) -> Projection:
     if generator.random() < 0.02:
         surfaces = [surfaces[0]] * len(surfaces)
     kind = generator.choice(["BEZIER", "BEZIER", "POLYLINE", "B_SPLINE"])
-    image = Polar() if generator.random() < 0.3 else Rectangle()
+    image = Polar() if generator.random() < 0.3 else Unrolled()
     return Projection(ViewingVolume(tuple(surfaces), kind), image)
 
 

@@ -144,3 +144,16 @@ def test_every_node_group_has_a_name_of_its_own():
     names += ["SCFPF Passes", "SCFPF Screen Surface"]  # of the compositor, and of Camera from Screen
     assert len(names) > 40
     assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
+def test_every_class_has_a_name_of_its_own():
+    """A name in a traceback or a search leads to one class."""
+    names = [
+        node.name
+        for path in FILES
+        if is_product(path)
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.ClassDef)
+    ]
+    assert len(names) > 400
+    assert sorted({name for name in names if names.count(name) > 1}) == []

@@ -19,7 +19,7 @@ from ...scfpf_addon.bridge.render.view_painter import Rectangle
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
-from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
+from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, HandledFrame
 from ..common import running
 from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
@@ -105,7 +105,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         frame = own[0].frame if own else None
         unit = image.rectangle.width / image_size(context.scene)[0]
         self._drag = FrameDrag(
-            frame or Frame(origin, (0.0, 0.0, 0.0, 0.0), 0.0), part, mouse, unit, is_point=self._is_pin
+            frame or HandledFrame(origin, (0.0, 0.0, 0.0, 0.0), 0.0), part, mouse, unit, is_point=self._is_pin
         )
         self._mouse, self._resting = (event.mouse_x, event.mouse_y), 0
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)

@@ -8,14 +8,14 @@ from bpy.props import EnumProperty
 from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.scene_box import Box, scene_box
+from ..common.scene_box import SceneBox, scene_box
 from ..common.target import camera_of, poll_camera, poll_object_mode, poll_scene
 from ..common.tool import Action, select_only, show_in_local_view, tooltip_of, wholly_made
 from .camera_placement import camera_like_view, camera_seeing, fit_depth
 from .presets import preset_items, shipped_preset, use_preset
 
 # A new camera frames this in an empty scene: the size of Blender's default cube.
-EMPTY_SCENE = Box(np.full(3, -1.0), np.full(3, 1.0))
+EMPTY_SCENE = SceneBox(np.full(3, -1.0), np.full(3, 1.0))
 
 _VIEW = ("VIEW", "From View", "The frustum of what the 3D viewport shows, as an editable volume")
 # Blender keeps only pointers to the strings of a dynamic enum.

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..common.scene_box import Box, transformed
+from ..common.scene_box import SceneBox, transformed
 
 # Objects may come this much nearer to a new camera before the near surface clips them.
 NEAR_SHARE = 0.25
@@ -54,7 +54,7 @@ def camera_like_view(context, aspect: float):
     return data, view.view_matrix.inverted()
 
 
-def camera_seeing(box: Box, aspect: float):
+def camera_seeing(box: SceneBox, aspect: float):
     """New camera data and a world matrix that see the whole box."""
     data = bpy.data.cameras.new("Flexible Camera")
     # A single point is framed like Blender's default cube.
@@ -66,7 +66,7 @@ def camera_seeing(box: Box, aspect: float):
     return data, Matrix.Translation(Vector(box.centre) + distance * DEFAULT_DIRECTION) @ rotation
 
 
-def fit_depth(data, matrix, box: Box):
+def fit_depth(data, matrix, box: SceneBox):
     """Set the clip range so that near and far surface enclose the part of the box in front of the camera.
 
     Inside the box, or looking away from it, the far surface is about as far off as the box is large. Returns
@@ -86,7 +86,7 @@ def fit_depth(data, matrix, box: Box):
     return matrix
 
 
-def around_subject(subject, box: Box):
+def around_subject(subject, box: SceneBox):
     """World matrix and scale of an upright camera that map its preset's subject to ``box``.
 
     subject: centre and size in camera space. The camera looks along world Y or -X, whichever matches the
@@ -104,7 +104,7 @@ def around_subject(subject, box: Box):
     return Matrix.Translation(Vector(box.centre) - centre) @ rotation, scale
 
 
-def reaching_scale(volume, matrix, box: Box) -> float:
+def reaching_scale(volume, matrix, box: SceneBox) -> float:
     """The scale of a preset's volume (camera space) that puts its far surface behind the box.
 
     It is 1 for a volume that reaches farther. Only a box tiny beside the volume, whose near surface might lie

@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
 
-class Box(NamedTuple):
+class SceneBox(NamedTuple):
     """An axis-aligned box: low and high corner, each (3,)."""
 
     low: np.ndarray
@@ -31,9 +31,9 @@ class Box(NamedTuple):
         return np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * self.size + self.low
 
 
-def box_of(corners) -> Box:
+def box_of(corners) -> SceneBox:
     """The box around points (N, 3)."""
-    return Box(np.min(corners, axis=0), np.max(corners, axis=0))
+    return SceneBox(np.min(corners, axis=0), np.max(corners, axis=0))
 
 
 def transformed(matrix, points):
@@ -51,7 +51,7 @@ def _shapes(objects, left_out):
     return [o for o in objects if o.type in SHAPES and not o.hide_render and o.name_full not in left_out]
 
 
-def scene_box(context, selected_only=False) -> Box | None:
+def scene_box(context, selected_only=False) -> SceneBox | None:
     """The box around everything that the scene, or its selection, can show in an image; None if empty."""
     depsgraph = context.evaluated_depsgraph_get()
     left_out = control_objects()

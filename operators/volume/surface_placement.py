@@ -8,7 +8,7 @@ from mathutils import Matrix, Vector
 
 from ...scfpf_addon.bridge.surfaces.surface_object import surface_parameters
 from ...scfpf_addon.projection.surfaces.kinds import PARAMETRIC_KINDS, Space
-from ..common.scene_box import Box, box_of, corners_of
+from ..common.scene_box import SceneBox, box_of, corners_of
 
 # A new curved surface between flat ones spans the same width with this arc.
 NEW_ARC = math.radians(90)
@@ -51,26 +51,26 @@ def surface_place(camera, depsgraph, kind: str, index: int):
     return _fill(kind, box)
 
 
-def _between(boxes, index: int) -> Box:
+def _between(boxes, index: int) -> SceneBox:
     """The box of a surface at ``index``: the mean of its neighbours, or the continuation of the last two."""
     before = boxes[index - 1] if index > 0 else None
     after = boxes[index] if index < len(boxes) else None
     if before is not None and after is not None:
-        return Box((before.low + after.low) / 2, (before.high + after.high) / 2)
+        return SceneBox((before.low + after.low) / 2, (before.high + after.high) / 2)
     if before is None and after is None:
-        return Box(np.array([-1.0, -1.0, -5.0]), np.array([1.0, 1.0, -5.0]))
+        return SceneBox(np.array([-1.0, -1.0, -5.0]), np.array([1.0, 1.0, -5.0]))
     known, step = (before, -1) if before is not None else (after, 1)
     second = index - 2 if before is not None else index + 1
     other = boxes[second] if 0 <= second < len(boxes) else None
     if other is None:
         shift = np.array([0.0, 0.0, step * max(known.size.max(), 1.0)])
-        return Box(known.low + shift, known.high + shift)
+        return SceneBox(known.low + shift, known.high + shift)
     centre = 2 * known.centre - other.centre
     half = np.maximum(2 * known.size - other.size, known.size / 2) / 2
-    return Box(centre - half, centre + half)
+    return SceneBox(centre - half, centre + half)
 
 
-def _room(boxes, index: int) -> Box:
+def _room(boxes, index: int) -> SceneBox:
     """The box of a lattice: the middle third of the space between its neighbours.
 
     Without a neighbour on one side, it extends a third of its width to either side of ``_between``. In an
@@ -79,13 +79,13 @@ def _room(boxes, index: int) -> Box:
     middle = _between(boxes, index)
     around = [boxes[i] for i in (index - 1, index) if 0 <= i < len(boxes) and boxes[i] is not None]
     if not around:
-        return Box(middle.low - NEW_DEPTH * FORWARDS, middle.high + NEW_DEPTH * FORWARDS)
+        return SceneBox(middle.low - NEW_DEPTH * FORWARDS, middle.high + NEW_DEPTH * FORWARDS)
     across = np.where(middle.size > 0, middle.size, 1.0) / 2
     depth = float(across.max()) / 3
     if len(around) == 2:
         depth = abs(float(around[1].centre[2] - around[0].centre[2])) / 6 or depth
     half = np.array([across[0], across[1], depth])
-    return Box(middle.centre - half, middle.centre + half)
+    return SceneBox(middle.centre - half, middle.centre + half)
 
 
 def _mean_parameters(before, after, depsgraph) -> dict:
@@ -97,7 +97,7 @@ def _mean_parameters(before, after, depsgraph) -> dict:
     return parameters
 
 
-def _fill(kind: str, box: Box):
+def _fill(kind: str, box: SceneBox):
     """Matrix, parameters and points of a surface of ``kind`` that fills a box facing the camera."""
     width, height, depth = (float(extent) for extent in box.size)
     width, height = (width or 1.0), (height or 1.0)

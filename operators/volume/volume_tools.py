@@ -126,7 +126,7 @@ class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
         half_width = min(1 / window[0][0], image_aspect(context.scene) / window[1][1])
         # The last row of a perspective window matrix divides by depth.
         parallel = window[3][3] != 0
-        seen = volume_edits.View(view.view_matrix.inverted(), half_width, parallel)
+        seen = volume_edits.ViewportView(view.view_matrix.inverted(), half_width, parallel)
         volume_edits.snap_near_to_view(camera, seen)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...casting.aim.aim_scene import AimScene, HitFinder
 from ...casting.aim.stays import find_stays
-from ...casting.aim.views import View, pins_on, seen_of
+from ...casting.aim.views import AimView, pins_on, seen_of
 from ...casting.common.hits import CastError
 from ...projection.aim.problem import AimLines, AimPins, AimProblem, AimStays
 from ...projection.aim.start import projection_of
@@ -67,7 +67,7 @@ class Targets:
     lines: AimLines
     wanted: BoolArray
     alone: bool
-    views: dict[int, View]
+    views: dict[int, AimView]
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
     parts, owners, halos = [], [], []
     wanted = np.zeros(len(arrays.scene.objects), bool)
     by_handle: dict[int, int] = {}
-    views: dict[int, View] = {}
+    views: dict[int, AimView] = {}
     listed = [(n, t) for n, t in enumerate(camera.scfpf.aim_targets) if t.is_on and t.weight > 0.0]
     for number, target in listed:
         if target.kind == VIEW:
@@ -152,7 +152,7 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
     )
 
 
-def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: float) -> tuple[AimPins, View]:
+def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: float) -> tuple[AimPins, AimView]:
     """The pins of a view, and where it shows what."""
     shown = view_map(target, depsgraph, aspect)
     own = arrays.triangles_of(target_objects(target))
@@ -171,7 +171,7 @@ def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: floa
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
         raise UserError("The view '{0}' is outside the picture: move its frame into it", title_of(target))
-    return pins.take(inside), View(shown, own, seen)
+    return pins.take(inside), AimView(shown, own, seen)
 
 
 def own_pin(target, depsgraph) -> AimPins:

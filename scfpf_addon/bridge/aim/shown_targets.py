@@ -12,7 +12,7 @@ import numpy as np
 from bpy.types import Object
 
 from ...projection.typing import Array
-from ...shading.picking.frame_handles import BODY, REACH, Frame
+from ...shading.picking.frame_handles import BODY, REACH, HandledFrame
 from ..blender.user_errors import USER_ERRORS
 from ..live.seen_object import shown_camera
 from ..overlays.image_marks import marked_camera
@@ -42,7 +42,7 @@ class ShownTarget(NamedTuple):
 
     index: int
     origin: Array
-    frame: Frame | None
+    frame: HandledFrame | None
 
 
 def shown_image(context) -> ShownImage | None:
@@ -85,7 +85,7 @@ def shown_targets(context, image: ShownImage) -> list[ShownTarget]:
     return found
 
 
-def _frame(target, image: ShownImage, origin: Array, depsgraph) -> Frame | None:
+def _frame(target, image: ShownImage, origin: Array, depsgraph) -> HandledFrame | None:
     """The frame around a view's thing in a region; None if the view shows nothing."""
     try:
         corners = box_corners(*thing_box(target_objects(target), depsgraph))
@@ -94,7 +94,7 @@ def _frame(target, image: ShownImage, origin: Array, depsgraph) -> Frame | None:
     except USER_ERRORS:
         return None
     seen = image.pixels(positions[:, np.isfinite(positions).all(axis=0)])
-    return Frame.around(seen, origin, target.turn) if seen.size else None
+    return HandledFrame.around(seen, origin, target.turn) if seen.size else None
 
 
 def box_corners(low: Array, high: Array) -> Array:

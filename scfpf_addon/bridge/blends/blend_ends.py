@@ -20,7 +20,7 @@ VIEW_PATH = "scfpf.aim_targets["
 MOST_ENDS = 16
 
 
-class End(NamedTuple):
+class BlendEnd(NamedTuple):
     """An end of a blend other than the first one: its number, its camera or None, and its map's settings."""
 
     number: int
@@ -28,11 +28,11 @@ class End(NamedTuple):
     settings: object
 
 
-def ends_of(camera) -> list[End]:
+def ends_of(camera) -> list[BlendEnd]:
     """The ends of a blend camera other than the first one, in order."""
     settings = camera.scfpf
-    further = [End(number, end.camera, end.field) for number, end in enumerate(settings.blend_more, 3)]
-    return [End(2, settings.blend_ends.second, settings.blend_field), *further]
+    further = [BlendEnd(number, end.camera, end.field) for number, end in enumerate(settings.blend_more, 3)]
+    return [BlendEnd(2, settings.blend_ends.second, settings.blend_field), *further]
 
 
 def knows_its_ends(camera) -> bool:
@@ -41,7 +41,7 @@ def knows_its_ends(camera) -> bool:
     return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
 
-def read_field(end: End, with_pixels: bool = True) -> BlendField | None:
+def read_field(end: BlendEnd, with_pixels: bool = True) -> BlendField | None:
     """The field of an end; None without a map, for an image without pixels and a camera without views.
 
     with_pixels: whether to read those of an image, which takes long in drawing.
@@ -93,7 +93,7 @@ def _has_curves(camera, paths: str | tuple[str, ...]) -> bool:
     return any(curve.data_path.startswith(paths) for curves in curve_collections(camera) for curve in curves)
 
 
-def own_seams(camera, with_pixels: bool = True) -> list[tuple[End, BlendField]]:
+def own_seams(camera, with_pixels: bool = True) -> list[tuple[BlendEnd, BlendField]]:
     """The ends of a blend camera whose fields have no border, with these fields, as ``read_field`` does."""
     if is_map_animated(camera):
         return []

@@ -27,7 +27,7 @@ from ...projection.user_error import Message
 from ...projection.volume.reparameterisation import Polar
 from ..blender.scene_objects import link_beside
 from ..camera.flexible_camera import NewSurface, replace_surfaces
-from .blend_ends import End, ends_of, is_map_animated, least_faces, own_seams, read_field
+from .blend_ends import BlendEnd, ends_of, is_map_animated, least_faces, own_seams, read_field
 
 # Range of the factor: 0 is the first camera, 1 the second one.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
@@ -163,12 +163,12 @@ def write_field(camera) -> None:
         surface.data.update()
 
 
-def read_fields(camera) -> list[tuple[End, BlendField | None]]:
+def read_fields(camera) -> list[tuple[BlendEnd, BlendField | None]]:
     """The ends of a blend camera other than the first one, with their fields."""
     return [(end, read_field(end)) for end in ends_of(camera)]
 
 
-def end_weights(camera, surface, fields: Sequence[tuple[End, BlendField | None]]) -> Array | None:
+def end_weights(camera, surface, fields: Sequence[tuple[BlendEnd, BlendField | None]]) -> Array | None:
     """The weights (K, N) of a blend's K ends other than the first one at the N vertices of a surface.
 
     The first camera has the rest. fields: see ``read_fields``. Ends that are newer than the surface are
@@ -210,7 +210,7 @@ def _keep_whole(surface, name: str, points: Array) -> None:
     whole.data.foreach_set("co", points.ravel())
 
 
-def _factors(camera, surface, end: End, field: BlendField | None, places: Array) -> Array:
+def _factors(camera, surface, end: BlendEnd, field: BlendField | None, places: Array) -> Array:
     """The factors (N,) of an end's field at the vertices of a surface."""
     if field is None:
         return np.ones(len(places))
@@ -258,12 +258,12 @@ def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
     return [float(kind), aspect, *field.centre, *field.size, field.angle]
 
 
-def _numbered(name: str, end: End) -> str:
+def _numbered(name: str, end: BlendEnd) -> str:
     """The name of an attribute or a custom property for an end's field."""
     return name if end.number == 2 else f"{name} {end.number}"
 
 
-def _is_cut(mesh, end: End, field: BlendField, camera) -> bool:
+def _is_cut(mesh, end: BlendEnd, field: BlendField, camera) -> bool:
     """Return whether a mesh is cut along the seam of an end's field."""
     numbers = mesh.get(_numbered(SEAM, end))
     if numbers is None or _numbered(WITHIN, end) not in mesh.attributes:

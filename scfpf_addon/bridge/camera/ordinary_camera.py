@@ -23,7 +23,7 @@ COMPARED = 33
 SAME_VIEW = 1e-4
 
 
-class End(NamedTuple):
+class FrustumEnd(NamedTuple):
     """An end of a frustum: a rectangle across the view. matrix: (4, 4), to camera space."""
 
     matrix: Array
@@ -31,7 +31,7 @@ class End(NamedTuple):
     height: float
 
 
-def frustum(camera, scene) -> tuple[End, End]:
+def frustum(camera, scene) -> tuple[FrustumEnd, FrustumEnd]:
     """The near and the far end of a camera's frustum, at clip start and clip end.
 
     Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises UserError for a
@@ -56,13 +56,13 @@ def frustum(camera, scene) -> tuple[End, End]:
     frame = np.array(lens.view_frame(scene=scene), np.float64)
     right_top, left_bottom = frame[0], frame[2]
 
-    def end(depth: float) -> End:
+    def end(depth: float) -> FrustumEnd:
         spread = depth / -frame[0, 2] if lens.type == "PERSP" else 1.0
         width, height = (right_top - left_bottom)[:2] * spread
         matrix = np.eye(4)
         matrix[:2, 3] = (right_top + left_bottom)[:2] / 2 * spread
         matrix[2, 3] = -depth
-        return End(matrix, width, height)
+        return FrustumEnd(matrix, width, height)
 
     return end(lens.clip_start), end(lens.clip_end)
 

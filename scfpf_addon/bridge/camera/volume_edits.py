@@ -28,7 +28,7 @@ from .flexible_camera import (
 from .read_projection import read_own_projection
 
 
-class View(NamedTuple):
+class ViewportView(NamedTuple):
     """The view of a viewport.
 
     matrix: (4, 4), view to world. half_width: of the view at distance 1; with parallel rays at any distance.
@@ -115,7 +115,7 @@ def swap_ends(camera) -> None:
     sync_volume_object(camera)
 
 
-def snap_near_to_view(camera, view: View) -> None:
+def snap_near_to_view(camera, view: ViewportView) -> None:
     """Place the near surface in a view: a plane fills its width, a round kind surrounds the eye.
 
     Size, parameters and scale stay. In a view with parallel rays the depth stays as well.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.colors import linear_from_srgb
-from ...shading.live.live_textures import EXTENSIONS, LiveImage, LiveTextures, halved
+from ...shading.live.live_textures import EXTENSIONS, LiveTexture, LiveTextures, halved
 from ...shading.typing import Single
 from ..scene.read_images import image_state, read_image
 
@@ -55,7 +55,7 @@ class ImageCache:
         ready = tuple(dict.fromkeys(use for use in uses if use.image in self._known))
         key = tuple((use, self._known[use.image][0]) for use in ready)
         if self._packed is None or self._packed[0] != key:
-            made = [LiveImage(self._known[use.image][1], use.extension, use.is_smooth) for use in ready]
+            made = [LiveTexture(self._known[use.image][1], use.extension, use.is_smooth) for use in ready]
             self._packed = key, LiveTextures.of(made)
         number = {use: row for row, use in enumerate(ready)}
         rows = tuple(number.get(use, -1) for use in uses)

@@ -71,7 +71,7 @@ class LookTable:
         return first
 
 
-class Placement(NamedTuple):
+class MeshInstance(NamedTuple):
     """An instance of a mesh: its object's number, first look and number of looks, and its matrix (4, 4)."""
 
     mesh: MeshArrays
@@ -80,7 +80,7 @@ class Placement(NamedTuple):
     looks: int
     matrix: Array
 
-    def is_same(self, other: Placement | None) -> bool:
+    def is_same(self, other: MeshInstance | None) -> bool:
         """Return whether another placement is the same triangles in the same place."""
         return (
             other is not None
@@ -92,7 +92,7 @@ class Placement(NamedTuple):
 
 
 # Placements by object number and the numbers of the instance in its instancer.
-Placements = dict[tuple[int, ...], Placement]
+Placements = dict[tuple[int, ...], MeshInstance]
 
 
 class _KnownMesh(NamedTuple):
@@ -190,7 +190,7 @@ class LiveObjects:
             if not len(mesh.triangles):
                 continue
             place = number, *(instance.persistent_id if parent else ())
-            found[place] = Placement(mesh, number, self.table.first_look(number, looks), looks, matrix)
+            found[place] = MeshInstance(mesh, number, self.table.first_look(number, looks), looks, matrix)
             addresses.append(obj.data.as_pointer())
         self._meshes = fresh
         found = _without_flat_copies(found, addresses)

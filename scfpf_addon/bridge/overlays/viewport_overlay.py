@@ -50,12 +50,12 @@ NEARER = 2.0
 # They also move by this share of the depth buffer's range: a dozen of its steps and of float32's roundings,
 # which exceed pixels far away if clipping starts near.
 NEARER_DEPTH = 1e-6
-# ``Drawing.edits`` of a drawing whose volume must be read again.
+# ``VolumeDrawing.edits`` of a drawing whose volume must be read again.
 STALE = -1
 
 
 @dataclass
-class Drawing:
+class VolumeDrawing:
     """The cached drawing of one camera's volume.
 
     edits: ``Drawings.edits`` when the volume was read. settings: safe areas and wired surfaces. signature:
@@ -104,7 +104,7 @@ class Drawings:
         self.edits = 0
         self._lists = 0
         self._cameras: dict[tuple[int, str], tuple[int, set[int]]] = {}
-        self._drawings: dict[tuple[int, str, int], Drawing] = {}
+        self._drawings: dict[tuple[int, str, int], VolumeDrawing] = {}
 
     def __len__(self):
         return len(self._drawings)
@@ -138,12 +138,12 @@ class Drawings:
             del self._drawings[old]
         return found
 
-    def drawing(self, camera, depsgraph, aspect: float) -> Drawing:
+    def drawing(self, camera, depsgraph, aspect: float) -> VolumeDrawing:
         """The present drawing of a camera's volume; empty while the volume cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         # Handlers get no notice of changes of these.
         shown = safe_areas(camera.data, depsgraph.scene), wired_surfaces(camera)
-        drawing = self._drawings.setdefault(key, Drawing(STALE, aspect, shown))
+        drawing = self._drawings.setdefault(key, VolumeDrawing(STALE, aspect, shown))
         if (drawing.edits, drawing.aspect, drawing.settings) == (self.edits, aspect, shown):
             return drawing
         drawing.edits, drawing.aspect, drawing.settings = self.edits, aspect, shown

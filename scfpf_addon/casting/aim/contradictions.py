@@ -16,7 +16,7 @@ from ...projection.volume.viewing_volume import Projection
 from .aim_scene import AimScene
 from .judge import HIDING_PIXELS, footprint_of, places_of
 from .sight import sees
-from .views import View
+from .views import AimView
 
 # Points within a pixel are the same one, and so are places.
 SAME = 1.0
@@ -56,7 +56,7 @@ class Contradiction(NamedTuple):
 
 
 def find_contradiction(
-    scene: AimScene, before: Projection, pins: AimPins, views: Mapping[int, View], width: int
+    scene: AimScene, before: Projection, pins: AimPins, views: Mapping[int, AimView], width: int
 ) -> Contradiction | None:
     """The first contradiction among targets.
 
@@ -96,7 +96,7 @@ def _among_pins(scene: AimScene, before: Projection, pins: AimPins, width: int) 
     return None
 
 
-def _of_pins_and_views(scene: AimScene, pins: AimPins, views: Mapping[int, View]) -> Contradiction | None:
+def _of_pins_and_views(scene: AimScene, pins: AimPins, views: Mapping[int, AimView]) -> Contradiction | None:
     """The first pin on a view's thing that the view shows elsewhere."""
     single = np.flatnonzero(pins.views < 0)
     points, positions = pins.points[:, single], pins.positions[:, single]
@@ -114,7 +114,7 @@ def _of_pins_and_views(scene: AimScene, pins: AimPins, views: Mapping[int, View]
 
 
 def shown_twice(
-    scene: AimScene, pins: AimPins, views: Mapping[int, View], share: float = TWICE
+    scene: AimScene, pins: AimPins, views: Mapping[int, AimView], share: float = TWICE
 ) -> Contradiction | None:
     """The first two views of which one sees more than ``share`` of the other's points elsewhere."""
     for one, other in permutations(views, 2):

@@ -136,7 +136,7 @@ def percentile(values: Array, share: float) -> float:
     return float(np.percentile(values, share, method="inverted_cdf")) if len(values) else 0.0
 
 
-class Background(NamedTuple):
+class BackgroundPoints(NamedTuple):
     """Points outside the halos that the image shows before the volume is aimed.
 
     points: (3, N), in world space. pixels: (N,), the numbers of the judged pixels that show them. objects:
@@ -186,10 +186,10 @@ class Judge:
         return pixel_centres(self.columns, rows, (0, rows))
 
     @cached_property
-    def _background(self) -> Background:
+    def _background(self) -> BackgroundPoints:
         return self.background(EACH)
 
-    def background(self, each: int) -> Background:
+    def background(self, each: int) -> BackgroundPoints:
         """The background in one of ``each`` pixels of the image before the volume is aimed."""
         x, y = (part[::each] for part in self.centres)
         hits = self.scene.hits(self.before, x, y, self.width)
@@ -197,7 +197,7 @@ class Judge:
         points = self.scene.world(hits.position[:, kept])
         outside = halo_weights(points, self.pins, self.halos) >= 1.0
         kept = kept[outside]
-        return Background(points[:, outside], each * kept, self.scene.objects[hits.triangle[kept]])
+        return BackgroundPoints(points[:, outside], each * kept, self.scene.objects[hits.triangle[kept]])
 
     @cached_property
     def _orientation(self) -> float:

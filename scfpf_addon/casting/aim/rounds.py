@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...projection.aim.problem import AimProblem, AimResult, Schedule
+from ...projection.aim.problem import AimProblem, AimResult, SolvePlan
 from ...projection.aim.solver import solve
 from ..common.cancellation import Cancelled, Signal, also_cancelled_by
 from .judge import Judgement
 
 # The way that is tried first, and others: stays that count more hold the background, while pins and the
 # barrier hold their own against them, and stays that count less force no folds.
-FIRST, STILL, LOOSE = Schedule(), Schedule(fold=2.0, pin=2.0, stay=2.0, robust=3.0), Schedule(stay=0.5)
+FIRST, STILL, LOOSE = SolvePlan(), SolvePlan(fold=2.0, pin=2.0, stay=2.0, robust=3.0), SolvePlan(stay=0.5)
 # From a solved volume, with more weight on pins and stays: both come nearer to their places.
-FIRM = Schedule(stages=1, final_steps=16, pin=3.0, stay=2.0)
+FIRM = SolvePlan(stages=1, final_steps=16, pin=3.0, stay=2.0)
 # From a solved volume, the ways of detours round what hides pins. The second one frees most, the third one
 # holds pins and background best.
-_FREEING = Schedule(stages=4, final_steps=40)
+_FREEING = SolvePlan(stages=4, final_steps=40)
 FREEING = (_FREEING, replace(_FREEING, pin=1.4, detour=2.0), replace(_FREEING, pin=2.0))
 # Stays force folds if more than this share of the pixels is folded or mirrored. Beyond a larger one they are
 # too many to be mended.
@@ -39,7 +39,7 @@ class Round(NamedTuple):
     result: AimResult
     judgement: Judgement
     number: int
-    schedule: Schedule
+    schedule: SolvePlan
 
 
 # From a result to its judgement.
@@ -120,7 +120,7 @@ def _try_ways(rounds: _Rounds, problem: AimProblem, judged: JudgeResult) -> None
                 _mended(rounds, problem, judged, other, [other.schedule])
 
 
-def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: Schedule) -> Round | None:
+def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: SolvePlan) -> Round | None:
     """The round of a way, or else the one that brings its pins and stays nearer, if they miss their bars."""
     found = rounds.solve(problem, judged, way)
     if found is None or not (found.judgement.misses_pins or found.judgement.misses_background):
@@ -129,7 +129,7 @@ def _firmed(rounds: _Rounds, problem: AimProblem, judged: JudgeResult, way: Sche
 
 
 def _mended(
-    rounds: _Rounds, problem: AimProblem, judged: JudgeResult, folded: Round, ways: list[Schedule]
+    rounds: _Rounds, problem: AimProblem, judged: JudgeResult, folded: Round, ways: list[SolvePlan]
 ) -> None:
     """Mend a round on ways in turn, until it is clean; not if it is, or if too much is missing."""
     if not 0.0 < folded.judgement.unclean <= MENDABLE or folded.judgement.misses_pins:
@@ -164,7 +164,7 @@ def _freest(rounds: _Rounds, best: Round) -> Round:
     return min([best, *(kept or freer)], key=lambda one: one.judgement.shortfall)
 
 
-def other_ways(first: Judgement) -> list[Schedule]:
+def other_ways(first: Judgement) -> list[SolvePlan]:
     """The ways that better what the first one missed, in turn."""
     if first.misses_pins:
         return [LOOSE, STILL]
@@ -192,7 +192,7 @@ class _Rounds:
         self.found: list[Round] = []
         self._done, self._number = 0.0, 0
 
-    def solve(self, problem: AimProblem, judged: JudgeResult, schedule: Schedule) -> Round | None:
+    def solve(self, problem: AimProblem, judged: JudgeResult, schedule: SolvePlan) -> Round | None:
         """The next round; None if its volume is not finite.
 
         Raises _Stopped, or _Late if the budget is over before a round other than the first has ended.

@@ -25,7 +25,7 @@ LEAST_COSINE = 0.3
 AHEAD = 0.05
 
 
-class Seen(NamedTuple):
+class SeenPoints(NamedTuple):
     """The points of a view's thing that its eye sees, by rays that are even in its image.
 
     triangles: (N,). points: (3, N), in world space.
@@ -35,12 +35,12 @@ class Seen(NamedTuple):
     points: Array
 
 
-class View(NamedTuple):
+class AimView(NamedTuple):
     """A view. own: (T,), the triangles of its thing."""
 
     map: ViewMap
     own: BoolArray
-    seen: Seen
+    seen: SeenPoints
 
 
 def sample_view(
@@ -54,7 +54,7 @@ def sample_view(
     return pins_on(scene, seen_of(scene, wanted, view), view, number, count)
 
 
-def pins_on(scene: AimScene, seen: Seen, view: ViewMap, number: int = 0, count: int = PINS) -> AimPins:
+def pins_on(scene: AimScene, seen: SeenPoints, view: ViewMap, number: int = 0, count: int = PINS) -> AimPins:
     """At most ``count`` pins on what a view's eye sees, as ``sample_view``."""
     points = seen.points
     directions = view.directions(points)
@@ -78,8 +78,11 @@ def pins_on(scene: AimScene, seen: Seen, view: ViewMap, number: int = 0, count: 
     )
 
 
-def seen_of(scene: AimScene, wanted: BoolArray, view: ViewMap) -> Seen:
-    """See ``Seen``. wanted: (T,), the thing's triangles. Raises CastError if the eye sees none of them."""
+def seen_of(scene: AimScene, wanted: BoolArray, view: ViewMap) -> SeenPoints:
+    """Find the points of a thing that an eye sees.
+
+    wanted: (T,), the thing's triangles. Raises CastError if the eye sees none of them.
+    """
     thing = scene.cast.only(wanted) if wanted.any() else None
     if thing is None:
         raise CastError("the view's thing has no faces: choose a collection or an object with a mesh")
@@ -104,7 +107,7 @@ def seen_of(scene: AimScene, wanted: BoolArray, view: ViewMap) -> Seen:
     hit = hits.triangle >= 0
     if not hit.any():
         raise CastError("the view's camera does not see its thing: turn the camera towards it")
-    return Seen(hits.triangle[hit], scene.world(hits.position[:, hit]))
+    return SeenPoints(hits.triangle[hit], scene.world(hits.position[:, hit]))
 
 
 def _plane(view: ViewMap, low: Array, high: Array, distance: float) -> NurbsPatch:

@@ -63,7 +63,7 @@ def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) ->
                 cells = cells_of(ends[group.start : group.stop + 1], slack)
                 part = occupied[group].reshape(-1)
                 held = part[cells.number] & (cells.number >= 0)
-                _Search(cells, tree, held).run()
+                _CellSearch(cells, tree, held).run()
                 part[cells.number[held]] = True
 
             parallel_map(search, groups)
@@ -89,7 +89,7 @@ def _are_finite(ends: Array) -> BoolArray:
     return cells
 
 
-class _Search:
+class _CellSearch:
     """The search for the cells that bodies meet.
 
     held: (M,) of the cells in the order of their tree; those that are True are not searched, and those found

@@ -20,13 +20,13 @@ class Signal(Protocol):
         """Return whether the work is cancelled."""
 
 
-class _Watched(local):
+class _ThreadSignal(local):
     """The cancellation signal of each thread."""
 
     signal: Signal | None = None
 
 
-_watched = _Watched()
+_watched = _ThreadSignal()
 
 
 @contextmanager

@@ -39,7 +39,7 @@ FEW = 1024
 ROUNDING_SHARE = 0.1
 
 
-class Work(NamedTuple):
+class TileCast(NamedTuple):
     """The data of one tile's cast."""
 
     scene: CastScene
@@ -65,7 +65,7 @@ def cast_chords(
     projectors with an unconfirmed hit.
     """
     hits = Hits.empty(batch.count)._replace(mask=mask)
-    work = Work(scene, batch, schedule, counts)
+    work = TileCast(scene, batch, schedule, counts)
     records = _march(work, mask, where)
     curves = batch.take(records.projector)
     begin, end = schedule.breaks[:-1], schedule.breaks[1:]
@@ -102,7 +102,7 @@ def complete(hits: Hits, batch: ProjectorBatch) -> Hits:
     return hits._replace(position=position, tangent=tangent)
 
 
-def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
+def _march(work: TileCast, mask: BoolArray, where: Stretches | None) -> Records:
     """The first chord that hits, for every projector; chords through empty space are left out."""
     batch, schedule = work.batch, work.schedule
     if where is None:
@@ -130,7 +130,7 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
 
 
 def _at_once(
-    work: Work, projectors: IndexArray, source: NDArray[Any], held: BoolArray, block: IndexArray
+    work: TileCast, projectors: IndexArray, source: NDArray[Any], held: BoolArray, block: IndexArray
 ) -> Records:
     """As _march for few projectors: all their chords in one batch, of which the first that hits counts."""
     schedule = work.schedule
@@ -153,7 +153,7 @@ def _at_once(
     return Records(projectors[which[first]], chord[first], found[first])
 
 
-def _chord_hits(work: Work, records: Records) -> Solutions:
+def _chord_hits(work: TileCast, records: Records) -> Solutions:
     """Hits of the chords themselves: where on the chord, and the point of the triangle nearest to it."""
     low, high = work.schedule.breaks[records.chord], work.schedule.breaks[records.chord + 1]
     start, end = work.schedule.ends_of(work.batch.points.take(records.projector, 2), records.chord)

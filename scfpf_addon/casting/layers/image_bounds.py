@@ -10,7 +10,7 @@ import numpy as np
 
 from ...projection.surfaces.surface import Plane, Point
 from ...projection.typing import Array, BoolArray
-from ...projection.volume.reparameterisation import Framed, Rectangle, Reparameterisation
+from ...projection.volume.reparameterisation import Framed, Reparameterisation, Unrolled
 from ...projection.volume.viewing_volume import Projection
 from ..scene.occupancy import SLACK
 
@@ -74,7 +74,7 @@ class ImageBounds:
 def _frames(image: Reparameterisation) -> tuple[Framed, ...] | None:
     """The frames in which an image shows the rectangle of its volume; None if it is not one."""
     mappings, base = getattr(image, "mappings", ()), getattr(image, "base", image)
-    if type(base) is not Rectangle or any(type(each) is not Framed for each in mappings):
+    if type(base) is not Unrolled or any(type(each) is not Framed for each in mappings):
         return None
     return tuple(mappings)
 

@@ -35,7 +35,7 @@ from .temporary_scene import TemporaryScene
 GONE = "A camera or the scene was deleted meanwhile: render again"
 
 
-class View(NamedTuple):
+class LayerView(NamedTuple):
     """A view of an image with layers: that of the image itself, or of a layer.
 
     camera: its session id. frame: the place of its picture in the image. projection: what the image shows
@@ -60,7 +60,7 @@ class View(NamedTuple):
 
 
 @contextmanager
-def seen_through(passing: TemporaryScene, view: View) -> Iterator[list[str]]:
+def seen_through(passing: TemporaryScene, view: LayerView) -> Iterator[list[str]]:
     """Let the passing scene be rendered through a view's camera; yields cautions. Raises UserError."""
     camera = object_by_uid(view.camera)
     if camera is None or passing.scene is None:
@@ -71,7 +71,7 @@ def seen_through(passing: TemporaryScene, view: View) -> Iterator[list[str]]:
 
 
 @contextmanager
-def _rigged(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
+def _rigged(passing: TemporaryScene, camera, view: LayerView) -> Iterator[list[str]]:
     made = None
     try:
         with passing.shaped(view.frame.size[0] / view.frame.size[1]):
@@ -94,7 +94,7 @@ def _rigged(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
         hidden_surfaces.hide_surfaces(bool(rigs()))
 
 
-def _plan(scene, camera, view: View) -> ChordPlan:
+def _plan(scene, camera, view: LayerView) -> ChordPlan:
     check(scene, camera)
     check_surfaces(camera)
     size = tuple(
@@ -118,7 +118,7 @@ def _place(rig, frame: Framed) -> None:
 
 
 @contextmanager
-def _copied(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
+def _copied(passing: TemporaryScene, camera, view: LayerView) -> Iterator[list[str]]:
     eye, before = camera.copy(), passing.scene.camera
     # A flexible copy would get a volume of its own, and a warning that Cycles ignores it.
     eye.property_unset("scfpf")
@@ -139,7 +139,7 @@ def _copied(passing: TemporaryScene, camera, view: View) -> Iterator[list[str]]:
             delete_with_data(copy)
 
 
-def _aim_lens(lens, view: View) -> None:
+def _aim_lens(lens, view: LayerView) -> None:
     """Let an ordinary camera see the whole image, of which its own picture is the frame."""
     near = view.own.volume.surfaces[0]
     assert isinstance(near, Plane) and view.place is not None

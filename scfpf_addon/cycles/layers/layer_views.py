@@ -20,7 +20,7 @@ from ...projection.volume.viewing_volume import Projection
 from ...shading.settings.frame_settings import Border
 from ..hidden_surfaces import has_rendered
 from ..rig_data import rigs
-from .layer_eyes import View
+from .layer_eyes import LayerView
 from .layer_things import FoundThings, find_things
 from .opaque_things import is_all_opaque
 from .shown_pixels import within
@@ -40,7 +40,7 @@ class ReadViews:
     """
 
     size: tuple[int, int]
-    views: tuple[View, ...]
+    views: tuple[LayerView, ...]
     layers: ReadLayers
     things: FoundThings
     blurs: bool
@@ -138,14 +138,14 @@ def _read(depsgraph, camera, size: tuple[int, int]) -> ReadViews:
     layers = read_image_layers(camera, depsgraph, aspect)
     lenses, seen = [camera.data.dof.use_dof], read_view(depsgraph, camera, aspect)
     is_own = is_own_view(seen, camera.evaluated_get(depsgraph), depsgraph)
-    views = [View(camera.session_uid, Framed(), seen, _own_place(camera, depsgraph, seen), is_own)]
+    views = [LayerView(camera.session_uid, Framed(), seen, _own_place(camera, depsgraph, seen), is_own)]
     own = {each.camera.session_uid: each.camera for each in camera.scfpf.layers if each.camera is not None}
     own_views = (plane is not None for plane in layers.planes)
     read = zip(layers.layers, layers.cameras, layers.frames, own_views, strict=True)
     for layer, uid, frame, is_own in read:
         eye = own[uid].evaluated_get(depsgraph)
         place = None if eye.scfpf.enabled else placement(eye)
-        views.append(View(uid, frame, layer.projection, place, is_own))
+        views.append(LayerView(uid, frame, layer.projection, place, is_own))
         lenses.append(eye.data.dof.use_dof)
     halos = any(layer.halo > 0.0 for layer in layers.layers)
     return ReadViews(

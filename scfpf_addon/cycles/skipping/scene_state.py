@@ -22,7 +22,7 @@ from .reasons import (
     rig_motion,
     setting_obstacle,
 )
-from .stillness import Change, change_of, change_of_data
+from .stillness import OwnChange, change_of, change_of_data
 from .swept_bodies import shutter_of
 
 # Edits of these may change whether materials displace faces.
@@ -38,7 +38,7 @@ class SceneState(NamedTuple):
 
     objects: dict[int, tuple]
     movers: frozenset[int]
-    changes: dict[int, Change]
+    changes: dict[int, OwnChange]
     obstacle: str
     settings: tuple
 

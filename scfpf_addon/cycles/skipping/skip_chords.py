@@ -45,7 +45,7 @@ class EmptySpaceQuery(NamedTuple):
     apart: bool = False
 
 
-class Found(NamedTuple):
+class EmptyChords(NamedTuple):
     """Faces of sheets whose rays skip chords, and the states of objects that they are for, by frame.
 
     objects: empty for a look at the present frame.
@@ -59,7 +59,7 @@ class NotSkipping(Exception):
     """Rays have to travel all chords. The message is the reason, as a sentence without its end."""
 
 
-def faces_that_skip(rig, chords: ChordPlan, look: EmptySpaceQuery) -> Found:
+def faces_that_skip(rig, chords: ChordPlan, look: EmptySpaceQuery) -> EmptyChords:
     """The faces of sheets whose rays skip the chords in which nothing is. Raises NotSkipping.
 
     The rig's mesh is a probe afterwards: call ``write_sheets`` in any case.
@@ -69,9 +69,9 @@ def faces_that_skip(rig, chords: ChordPlan, look: EmptySpaceQuery) -> Found:
         raise NotSkipping(reason)
     cells = fine_cells(chords.cells, image_size(scene))
     probe_mesh(rig, chords, cells)
-    search = _Search(rig, chords, cells, look)
+    search = _ChordSearch(rig, chords, cells, look)
     occupied, ends = search.run()
-    return Found(faces_of(occupied, cells, ends), search.objects)
+    return EmptyChords(faces_of(occupied, cells, ends), search.objects)
 
 
 def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
@@ -86,7 +86,7 @@ def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]
     return across, up
 
 
-class _Search:
+class _ChordSearch:
     """The search for chords in which anything may be at some frames."""
 
     def __init__(self, rig, chords: ChordPlan, cells: tuple[int, int], look: EmptySpaceQuery) -> None:

@@ -40,7 +40,7 @@ POINTING = {"NodeSocketObject", "NodeSocketCollection"}
 POINTING_TYPES = {"Object", "Collection"}
 
 
-class Change(NamedTuple):
+class OwnChange(NamedTuple):
     """How an object may change with the frame by itself.
 
     kind: NO_CHANGE, BY_FRAME or SIMULATED. others: session ids of the objects that it depends on.
@@ -60,7 +60,7 @@ class Motion(NamedTuple):
 
     movers: frozenset[int]
     simulated: str
-    changes: dict[int, Change]
+    changes: dict[int, OwnChange]
 
 
 def motion_of(scene, left_out: set) -> Motion:
@@ -72,7 +72,7 @@ def motion_of(scene, left_out: set) -> Motion:
         obj for obj in scene.objects if obj not in left_out and obj.type != "CAMERA" and not is_rig_part(obj)
     ]
     looked_at: dict[int, tuple[int, list]] = {}
-    changes: dict[int, Change] = {}
+    changes: dict[int, OwnChange] = {}
     movers, simulated = set(), ""
     while pending:
         obj = pending.pop()
@@ -92,18 +92,18 @@ def motion_of(scene, left_out: set) -> Motion:
     )
 
 
-def change_of(obj) -> Change:
+def change_of(obj) -> OwnChange:
     """The change of one object."""
     return _change(*_own_change(obj, {}))
 
 
-def change_of_data(data) -> Change:
+def change_of_data(data) -> OwnChange:
     """The change of an object's data."""
     return _change(*_change_of_data(data, {}))
 
 
-def _change(kind: int, found: list) -> Change:
-    return Change(kind, frozenset(other.session_uid for other in found))
+def _change(kind: int, found: list) -> OwnChange:
+    return OwnChange(kind, frozenset(other.session_uid for other in found))
 
 
 def _own_change(obj, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:

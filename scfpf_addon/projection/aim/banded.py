@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import inverse_triangle, product
 from ..typing import Array, IndexArray
-from .control_net import ACTING, Grid, Net, Places
+from .control_net import ACTING, ControlNet, NetBasis, Places
 
 
 class Rows(NamedTuple):
@@ -54,7 +54,7 @@ class GridTerms(NamedTuple):
     surfaces and the vectors e of the residuals. right: (free surfaces · 3, U, V), Σ w ⊗ e · residual.
     """
 
-    grid: Grid
+    grid: NetBasis
     products: Array
     right: Array
 
@@ -80,7 +80,7 @@ class Normal:
     band: (4, columns, block, block); [d, k] is the block of column k + d, row-wise, and column k.
     """
 
-    def __init__(self, net: Net, band: Array, right: Array) -> None:
+    def __init__(self, net: ControlNet, band: Array, right: Array) -> None:
         self.net, self.cell = net, net.block // net.rows
         self.band = band
         self.right = right.reshape(net.columns, net.block)

@@ -23,7 +23,7 @@ ACTING = 4
 
 
 @dataclass(frozen=True)
-class Net:
+class ControlNet:
     """The size of the control net. surfaces: of the volume, the fixed near one included."""
 
     columns: int
@@ -75,9 +75,9 @@ class Net:
         local = np.stack([x[:, None] * y[None] for x, y in ((a, b), (da, b), (a, db))])
         return Places(self, column, row, local.reshape(3, ACTING**2, len(u)))
 
-    def grid(self, u: Array, v: Array) -> Grid:
+    def grid(self, u: Array, v: Array) -> NetBasis:
         """The basis functions at all pairs of parameters (U,) and (V,)."""
-        return Grid(self, u, v, *(self._dense(*part) for part in ((self.columns, u), (self.rows, v))))
+        return NetBasis(self, u, v, *(self._dense(*part) for part in ((self.columns, u), (self.rows, v))))
 
     def _dense(self, count: int, parameter: Array) -> Array:
         """Values and slopes of all functions of an axis at parameters (N,), (2, N, count)."""
@@ -96,7 +96,7 @@ class Places:
     of the acting functions, column by column.
     """
 
-    net: Net
+    net: ControlNet
     column: IndexArray
     row: IndexArray
     local: Array
@@ -147,13 +147,13 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Grid:
+class NetBasis:
     """Basis functions at U × V places, numbered u · V + v: products of those of both axes.
 
     u, v: (U,) and (V,). along_u: (2, U, columns), along_v: (2, V, rows), values and slopes.
     """
 
-    net: Net
+    net: ControlNet
     u: Array
     v: Array
     along_u: Array

@@ -13,7 +13,7 @@ import numpy as np
 from ..typing import Array, IndexArray
 from ..volume.bezier import bernstein, bernstein_derivative
 from .banded import Rows
-from .control_net import Grid, Places, combined
+from .control_net import NetBasis, Places, combined
 from .vectors import cross, dot
 
 # The scaled Jacobian is kept above this; it is 1 for a right-angled frame.
@@ -36,7 +36,7 @@ class FoldBarrier:
     whole projectors. t: (7, N), where they are tested.
     """
 
-    def __init__(self, places: Grid | Places, orientation: float, hits_t: Array | None = None) -> None:
+    def __init__(self, places: NetBasis | Places, orientation: float, hits_t: Array | None = None) -> None:
         self.places, self.orientation = places, orientation
         self.look(np.ones(places.count) if hits_t is None else hits_t)
 
@@ -110,6 +110,6 @@ class FoldBarrier:
         return Rows(places.column, places.row, rows, (LEAST_JACOBIAN - short) * strength)
 
 
-def _each(places: Grid | Places) -> Places:
+def _each(places: NetBasis | Places) -> Places:
     """The places one by one."""
-    return places.places if isinstance(places, Grid) else places
+    return places.places if isinstance(places, NetBasis) else places

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..typing import Array
 from .banded import Rows
-from .control_net import Along, Net, position_and_tangent
+from .control_net import Along, ControlNet, position_and_tangent
 from .pin_energy import LONGEST_SLIDE, PinEnergy, PinTargets
 from .problem import AimLines, AimPins
 from .vectors import across_of, cross, dot, unit
@@ -22,7 +22,7 @@ class LineEnergy:
     The distance of a projector from the line is measured at the nearest t, along n = L × Qt.
     """
 
-    def __init__(self, net: Net, pins: AimPins, lines: AimLines, energy: PinEnergy) -> None:
+    def __init__(self, net: ControlNet, pins: AimPins, lines: AimLines, energy: PinEnergy) -> None:
         shares = np.arange(1, LINE_SAMPLES) / LINE_SAMPLES
         self.pins = np.repeat(lines.pins, len(shares), axis=1)
         share = np.tile(shares, lines.pins.shape[1])

@@ -172,7 +172,7 @@ class AimProblem:
 
 
 @dataclass(frozen=True)
-class Schedule:
+class SolvePlan:
     """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
 
     stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold, fold_growth: factor
@@ -197,7 +197,7 @@ class Schedule:
         """Steps at most."""
         return (self.stages - 1) * self.steps + self.final_steps
 
-    def mending(self) -> Schedule:
+    def mending(self) -> SolvePlan:
         """The way from a result of this one that takes the last folds out of it."""
         return replace(self, stages=1, final_steps=24, fold=8.0, fold_growth=2.0, mends=True)
 

@@ -16,13 +16,13 @@ import numpy as np
 from ..arrays import median
 from ..typing import Array
 from .banded import Normal, Rows
-from .control_net import Along, Grid, Net
+from .control_net import Along, ControlNet, NetBasis
 from .detour_energy import DetourEnergy
 from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
 from .homotopy import Homotopy
 from .line_energy import LineEnergy
 from .pin_energy import PinEnergy, PinTargets
-from .problem import AimPins, AimProblem, AimResult, FindHits, FirstHits, Schedule
+from .problem import AimPins, AimProblem, AimResult, FindHits, FirstHits, SolvePlan
 from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot
@@ -60,14 +60,14 @@ LOOK = 2
 class Aim:
     """A problem being solved. points: (net points, surfaces, 3), the control points so far."""
 
-    def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
-        self.problem, self.schedule = problem, schedule or Schedule()
+    def __init__(self, problem: AimProblem, schedule: SolvePlan | None = None) -> None:
+        self.problem, self.schedule = problem, schedule or SolvePlan()
         plan, weights = self.schedule, problem.weights
         names = ("pin", "stay", "robust", "fold", "detour")
         factors = {name: getattr(weights, name) * getattr(plan, name) for name in names}
         self.weights = weights = replace(weights, **factors)
         rows, columns = problem.patches[0].points.shape[:2]
-        self.net = Net(columns, rows, len(problem.patches))
+        self.net = ControlNet(columns, rows, len(problem.patches))
         self.start = self.net.gather(problem.patches)
         self.points = self.start.copy()
         self.least_damping = MENDING_DAMPING if plan.mends else LEAST_DAMPING
@@ -87,7 +87,7 @@ class Aim:
         if problem.solved is not None:
             self.points, self.t = self.net.gather(problem.solved.patches), problem.solved.t.copy()
 
-    def _grid(self, counts: tuple[int, int]) -> Grid:
+    def _grid(self, counts: tuple[int, int]) -> NetBasis:
         return self.net.grid(*(np.linspace(0.0, 1.0, count) for count in counts))
 
     def _find_folds(self) -> float:
@@ -267,7 +267,7 @@ class Aim:
         return AimResult(self.net.patches(self.points), self.t.copy(), residuals, self.steps)
 
 
-def _usual_orientation(grid: Grid, points: Array) -> float:
+def _usual_orientation(grid: NetBasis, points: Array) -> float:
     """The sign of the determinant where nothing folds."""
     middle = Along.of(grid.controls(points), np.full(grid.count, 0.5))
     return float(np.sign(dot(cross(middle.du, middle.dv), middle.dt).sum()))
@@ -280,7 +280,7 @@ def _found_at_once(find: FindHits, parts: list[Array]) -> list[FirstHits]:
     return [FirstHits(*part) for part in zip(*(np.split(each, ends) for each in hits), strict=True)]
 
 
-def _farthest_near(t: Array, grid: Grid) -> Array:
+def _farthest_near(t: Array, grid: NetBasis) -> Array:
     """The largest t of each place of a grid and its eight neighbours: what one meets the next may pass."""
     wide = np.pad(t.reshape(len(grid.u), len(grid.v)), 1, mode="edge")
     along = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
@@ -299,7 +299,7 @@ def pin_residuals(energy: PinEnergy, points: Array, t: Array, wanted: Array, pro
 
 
 def solve(
-    problem: AimProblem, is_cancelled: Callable[[], bool] | None = None, schedule: Schedule | None = None
+    problem: AimProblem, is_cancelled: Callable[[], bool] | None = None, schedule: SolvePlan | None = None
 ) -> AimResult | None:
     """Solve a problem; None if cancelled."""
     return Aim(problem, schedule).solve(is_cancelled)

@@ -12,7 +12,7 @@ from ..surfaces.nurbs import NurbsPatch
 from ..typing import Array, BoolArray
 from ..volume.bezier import bernstein
 from ..volume.viewing_volume import Projection, ViewingVolume
-from .control_net import Along, Net
+from .control_net import Along, ControlNet
 from .vectors import across_of, dot, unit
 
 # Samples along x and y for each span of the net, and along t.
@@ -63,7 +63,7 @@ def start_volume(
     degree = min(max(degree, spans.degree if spans.is_bezier else MOST_DEGREE), MOST_DEGREE)
     if straight:
         degree = max(degree, LEAST_DEGREE)
-    size = Net(columns, rows, degree + 1)
+    size = ControlNet(columns, rows, degree + 1)
     x, y = _samples(size, 0.0)
     along, mask = _bezier(projection, x, y, degree, subject, far)
     matrix = size.at(x, y).dense()
@@ -80,7 +80,7 @@ def start_volume(
     return Start(patches, float(error.max(initial=0.0)), float(np.median(error)) if len(error) else 0.0)
 
 
-def _samples(net: Net, shift: float) -> tuple[Array, Array]:
+def _samples(net: ControlNet, shift: float) -> tuple[Array, Array]:
     """x and y of samples of the image, (N,), borders included; ``shift`` in steps moves them inwards."""
     axes = []
     for count in (net.columns, net.rows):
@@ -109,7 +109,7 @@ def _bezier(
     return np.einsum("jk,kcn->jcn", fit, points), mask
 
 
-def _filling(net: Net) -> Array:
+def _filling(net: ControlNet) -> Array:
     """Squared second differences of the net's points, (points, points)."""
     along_u = np.kron(np.diff(np.eye(net.columns), 2, axis=0), np.eye(net.rows))
     along_v = np.kron(np.eye(net.columns), np.diff(np.eye(net.rows), 2, axis=0))
@@ -117,7 +117,7 @@ def _filling(net: Net) -> Array:
     return total
 
 
-def _errors(projection: Projection, net: Net, points: Array, width: int) -> Array:
+def _errors(projection: Projection, net: ControlNet, points: Array, width: int) -> Array:
     """Distances of the new projectors from the old ones between the samples of the fit, in pixels."""
     x, y = _samples(net, 0.5)
     old, mask = projection.projectors(x, y)

@@ -12,7 +12,7 @@ import numpy as np
 from ..typing import Array, BoolArray, IndexArray
 from ..volume.bezier import bernstein, bernstein_derivative
 from .banded import GridTerms, pairs
-from .control_net import Net, combined, position_and_tangent
+from .control_net import ControlNet, combined, position_and_tangent
 from .pin_energy import DEGREES, LONGEST_SLIDE
 from .problem import AimStays, AimWeights, FirstHits
 from .vectors import across_of, dot, unit
@@ -39,7 +39,9 @@ class StayEnergy:
     them.
     """
 
-    def __init__(self, net: Net, stays: AimStays, weights: AimWeights, points: Array, width: int) -> None:
+    def __init__(
+        self, net: ControlNet, stays: AimStays, weights: AimWeights, points: Array, width: int
+    ) -> None:
         self.grid = net.grid(stays.x, stays.y)
         self.listed = np.flatnonzero(stays.weights.ravel() > LEAST_WEIGHT)
         self.points = stays.points.reshape(3, -1)[:, self.listed]

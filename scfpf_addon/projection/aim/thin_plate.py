@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import product
 from ..typing import Array
-from .control_net import ACTING, Net
+from .control_net import ACTING, ControlNet
 from .problem import AimWeights
 
 
@@ -24,7 +24,7 @@ class ThinPlate:
     up for it. matrix: (unknowns / 3, unknowns / 3), equal for x, y and z. band: as that of ``Normal``.
     """
 
-    def __init__(self, net: Net, weights: AimWeights, footprints: Array) -> None:
+    def __init__(self, net: ControlNet, weights: AimWeights, footprints: Array) -> None:
         columns, rows, free = np.eye(net.columns), np.eye(net.rows), np.diag(1.0 / footprints)
         fine_u, fine_v = net.columns / 8, net.rows / 6
         terms = [

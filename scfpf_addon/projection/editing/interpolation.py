@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from ..surfaces.surface import ControlSurface, Placement, SurfaceSample
+from ..surfaces.surface import ControlSurface, SurfacePositions, SurfaceSample
 from ..typing import Array
 from ..volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 
@@ -35,10 +35,10 @@ class InterpolatedSurface(ControlSurface):
     def _mixed(self, a: Array, b: Array) -> Array:
         return a + (b - a) * self.share
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ``ControlSurface``."""
         a, b = self.before.positions(u, v), self.after.positions(u, v)
-        return Placement(self._mixed(a.position, b.position), a.valid & b.valid)
+        return SurfacePositions(self._mixed(a.position, b.position), a.valid & b.valid)
 
     def local_hull(self) -> Array:
         """See ``ControlSurface``: every point between two convex sets lies in the hull of both."""

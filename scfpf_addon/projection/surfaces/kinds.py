@@ -93,7 +93,7 @@ class Mirror(NamedTuple):
     exchanged: tuple[str, str] | None = None
 
 
-class Net(NamedTuple):
+class PointLimits(NamedTuple):
     """The points of a kind in a preset file: exactly (rows, columns), or any; with weights or without."""
 
     exactly: tuple[int, int] | None = None
@@ -116,7 +116,7 @@ class SurfaceKind:
     text: str
     parameters: tuple[Parameter, ...] = ()
     straight: str = ""
-    net: Net | None = None
+    net: PointLimits | None = None
     has_chart: bool = False
     build: Callable[[Numbers, Any, Any], ControlSurface] | None = None
     problem: Callable[[Numbers, Any], str] = lambda parameters, points: ""
@@ -235,7 +235,7 @@ _KINDS = (
         title="Patch",
         text="Four corners joined bilinearly: a mesh of one quadrilateral with a UV map",
         straight="UV",
-        net=Net(exactly=(2, 2)),
+        net=PointLimits(exactly=(2, 2)),
         build=_patch,
     ),
     ParametricKind(
@@ -317,7 +317,7 @@ _KINDS = (
         key="GRID",
         title="Grid",
         text="A mesh whose vertices lie on a regular grid in its UV map",
-        net=Net(),
+        net=PointLimits(),
         build=lambda parameters, points, chart: Grid(points),
     ),
     SurfaceKind(
@@ -335,7 +335,7 @@ _KINDS = (
             Parameter("order_u", "Order of the patch along u", _ORDER),
             Parameter("order_v", "Order of the patch along v", _ORDER),
         ),
-        net=Net(weighted=True),
+        net=PointLimits(weighted=True),
         build=_nurbs,
         problem=_nurbs_problem,
     ),

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import BLOCK, evaluate_pieces
 from ..typing import Array, IndexArray
-from .surface import ControlSurface, Placement, SurfaceSample
+from .surface import ControlSurface, SurfacePositions, SurfaceSample
 
 LOWEST_ORDER = 2
 # Combinations of control points that move samples by less than this share of the most do not show in them.
@@ -240,7 +240,7 @@ class NurbsPatch(ControlSurface):
         """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64)[..., :3].reshape(-1, 3).T
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position: quicker where u, v (N,) are the rows of a grid."""
         basis_u, basis_v = self._bases
         width = _row_length(u, v)
@@ -254,7 +254,7 @@ class NurbsPatch(ControlSurface):
                 self._evaluate_block(u[part], v[part], total[:, part])
         if len(total) == 4:
             total[:3] /= total[3]
-        return Placement(total[:3], np.ones(len(u), bool))
+        return SurfacePositions(total[:3], np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local; tiles are what lies between creases."""

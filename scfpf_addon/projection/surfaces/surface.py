@@ -32,7 +32,7 @@ class SurfaceSample(NamedTuple):
     valid: BoolArray
 
 
-class Placement(NamedTuple):
+class SurfacePositions(NamedTuple):
     """A control surface at N parameters, without derivatives. position: (3, N). valid: (N,) bool."""
 
     position: Array
@@ -79,10 +79,10 @@ class ControlSurface:
         """The sample in the surface's own space. u, v: (N,)."""
         raise NotImplementedError
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """``local`` without derivatives; kinds override it where that saves work."""
         sample = self.local(u, v)
-        return Placement(sample.position, sample.valid)
+        return SurfacePositions(sample.position, sample.valid)
 
     def evaluate(self, u: Array, v: Array) -> SurfaceSample:
         """Position and derivatives in volume space.
@@ -99,7 +99,7 @@ class ControlSurface:
             dv=transform(linear, sample.dv),
         )
 
-    def positions(self, u: Array, v: Array) -> Placement:
+    def positions(self, u: Array, v: Array) -> SurfacePositions:
         """``evaluate`` without derivatives. u, v: (N,) float64."""
         placement = self.local_position(u, v)
         moved = transform(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
@@ -134,8 +134,8 @@ class ControlSurface:
         count = position.shape[1]
         return SurfaceSample(position, du, dv, np.zeros(count, np.int32), np.ones(count, bool))
 
-    def _placed(self, *components: Array) -> Placement:
-        return Placement(_rows(*components), np.ones(np.shape(components[0]), bool))
+    def _placed(self, *components: Array) -> SurfacePositions:
+        return SurfacePositions(_rows(*components), np.ones(np.shape(components[0]), bool))
 
 
 @dataclass(frozen=True)
@@ -164,11 +164,11 @@ class Plane(ControlSurface):
     width: float = 1.0
     height: float = 1.0
 
-    def positions(self, u: Array, v: Array) -> Placement:
+    def positions(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.positions."""
         across, up = self.matrix[:3, 0] * self.width, self.matrix[:3, 1] * self.height
         corner = self.matrix[:3, 3] - 0.5 * (across + up)
-        return Placement(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
+        return SurfacePositions(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
@@ -197,12 +197,12 @@ class BilinearPatch(ControlSurface):
         default_factory=lambda: np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) / 2
     )
 
-    def positions(self, u: Array, v: Array) -> Placement:
+    def positions(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.positions."""
         linear = self.matrix[:3, :3]
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64) @ linear.T + self.matrix[:3, 3]
         terms = (c00, c10 - c00, c01 - c00, c11 - c10 - c01 + c00)
-        return Placement(_bilinear(terms, u, v), np.ones(len(u), bool))
+        return SurfacePositions(_bilinear(terms, u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
@@ -296,7 +296,7 @@ class Cone(ControlSurface):
     arc: float = 2 * np.pi
     height: float = 1.0
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position."""
         angle = (u - 0.5) * self.arc
         r = self.radius_start + (self.radius_end - self.radius_start) * v
@@ -333,7 +333,7 @@ class Cylinder(ControlSurface):
     arc: float = 2 * np.pi
     height: float = 1.0
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position."""
         return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v)
 
@@ -424,13 +424,13 @@ class Grid(ControlSurface):
         along, across = right + twist * b, up + twist * a
         return self._whole(corner + along * a + up * b, (columns - 1) * along, (rows - 1) * across)
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position: a block of points at a time."""
         position = np.empty((3, len(u)))
         for start in range(0, len(u), BLOCK):
             part = slice(start, start + BLOCK)
             evaluate_pieces(self._polynomials, *self._cells(u[part], v[part]), position[:, part])
-        return Placement(position, np.ones(len(u), bool))
+        return SurfacePositions(position, np.ones(len(u), bool))
 
     def _cells(self, u: Array, v: Array) -> tuple[IndexArray, Array, Array]:
         """The cells that hold (u, v), (N,), and the places in them."""

@@ -20,7 +20,7 @@ from .uv_bins import BLOCK, EDGE_TOLERANCE, Bins, Layout, fill, layout
 THINNEST = 1.2e-7
 
 
-class Found(NamedTuple):
+class CoveringTriangles(NamedTuple):
     """The triangles that cover N points.
 
     triangle: (N,) int64, -1 where nothing does. weights: (2, N) barycentric
@@ -127,7 +127,7 @@ class UVChart:
         """The largest number of triangles that a look-up tests."""
         return int(np.diff(self.bins.offsets).max())
 
-    def find(self, u: Array, v: Array) -> Found:
+    def find(self, u: Array, v: Array) -> CoveringTriangles:
         """The triangle that covers each of the points u, v (N,), and the weights of its corners.
 
         Points that no triangle covers but that are nearer than EDGE_TOLERANCE to
@@ -142,7 +142,7 @@ class UVChart:
                 found, where, share = self._search(some_u[missing], some_v[missing], near)
                 triangle[start + missing[where]] = found
                 weights[:, start + missing[where]] = share
-        return Found(triangle, weights)
+        return CoveringTriangles(triangle, weights)
 
     def _search(self, u: Array, v: Array, near: bool) -> tuple[IndexArray, IndexArray, Array]:
         """Triangles found, the points (indices) that they cover, and their weights (2, ·)."""

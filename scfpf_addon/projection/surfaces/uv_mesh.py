@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from ..typing import Array, IndexArray
-from .surface import ControlSurface, Placement, SurfaceSample
-from .uv_chart import Found, UVChart
+from .surface import ControlSurface, SurfacePositions, SurfaceSample
+from .uv_chart import CoveringTriangles, UVChart
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +56,19 @@ class UVMesh(ControlSurface):
         result: Array = by_second[:, None] * second + by_third[:, None] * third
         return result
 
-    def _placed_at(self, found: Found) -> Placement:
+    def _placed_at(self, found: CoveringTriangles) -> SurfacePositions:
         valid = found.triangle >= 0
         origin, second, third = (edge.take(found.triangle, 1, mode="clip") for edge in self._frames)
         position = origin + found.weights[0] * second + found.weights[1] * third
         if not valid.all():
             position[:, ~valid] = np.mean(self.points, axis=0)[:, None]
-        return Placement(position, valid)
+        return SurfacePositions(position, valid)
 
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64).T
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position."""
         return self._placed_at(self.chart.find(u, v))
 

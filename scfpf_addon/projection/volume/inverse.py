@@ -87,7 +87,7 @@ def invert(
     points = np.ascontiguousarray(positions, np.float64)
     low = np.array([min(u_range), min(v_range), 0.0])
     extent = np.array([max(u_range), max(v_range), 1.0]) - low
-    search = _Search(volume, low, extent)
+    search = _NewtonSearch(volume, low, extent)
     result = np.full((3, points.shape[1]), np.nan)
     open_ = np.flatnonzero(np.isfinite(points).all(axis=0))
     for counts, starts in zip(SAMPLES, STARTS, strict=True):
@@ -121,7 +121,7 @@ def follow(
     """
     low = np.array([min(u_range), min(v_range), 0.0])
     extent = np.array([max(u_range), max(v_range), 1.0]) - low
-    search = _Search(volume, low, extent, BEYOND)
+    search = _NewtonSearch(volume, low, extent, BEYOND)
     points = np.ascontiguousarray(positions, np.float64)
     usable = np.flatnonzero(np.isfinite(points).all(axis=0) & np.isfinite(start).all(axis=0))
     result = np.full(points.shape, np.nan)
@@ -144,7 +144,7 @@ def find_in_image(projection: Projection, positions: Array) -> ImagePlaces:
     return ImagePlaces(x, y, place.t, place.found & np.isfinite(x) & np.isfinite(y))
 
 
-class _Search:
+class _NewtonSearch:
     """Newton's method in a part of a volume; parameters are shares of its ranges, (3, N)."""
 
     def __init__(
@@ -225,7 +225,7 @@ class _Search:
 class _Cloud:
     """Samples of a part of a volume, from which searches start."""
 
-    def __init__(self, search: _Search, counts: tuple[int, int, int]) -> None:
+    def __init__(self, search: _NewtonSearch, counts: tuple[int, int, int]) -> None:
         self.counts = counts
         # Middles of cells: poles, points and seams are on borders.
         axes = [(np.arange(count) + 0.5) / count for count in counts]

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from ..arrays import BLOCK, evaluate_pieces
-from ..surfaces.surface import ControlSurface, Placement, SurfaceSample
+from ..surfaces.surface import ControlSurface, SurfacePositions, SurfaceSample
 from ..typing import Array, IndexArray
 from .basis import SpanBasis, span_basis
 from .viewing_volume import ViewingVolume
@@ -122,7 +122,7 @@ class LatticeLayer(ControlSurface):
         hull: Array = (rest[:, :, None] + corners[:, None]).reshape(3, -1)
         return hull
 
-    def local_position(self, u: Array, v: Array) -> Placement:
+    def local_position(self, u: Array, v: Array) -> SurfacePositions:
         """See ControlSurface.local_position: a block of points at a time."""
         position = self._rest(u, v)
         table = self._patches[: self._degree_v + 1, : self._degree_u + 1]
@@ -132,7 +132,7 @@ class LatticeLayer(ControlSurface):
             cell, a, b = self._cell(u[part], v[part])
             evaluate_pieces(table, cell, a, b, moved[:, : len(cell)])
             position[:, part] += moved[:, : len(cell)]
-        return Placement(position, np.ones(len(u), bool))
+        return SurfacePositions(position, np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""

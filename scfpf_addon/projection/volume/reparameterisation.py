@@ -58,7 +58,7 @@ class Reparameterisation(Protocol):
 
 
 @dataclass(frozen=True)
-class Rectangle(Reparameterisation):
+class Unrolled(Reparameterisation):
     """u = x, v = y: the image is the near surface unrolled."""
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
@@ -142,7 +142,7 @@ class Framed(Reparameterisation):
 def reparameterisation(kind: str) -> Reparameterisation:
     """The re-parameterisation named RECTANGLE or POLAR; ValueError otherwise."""
     if kind == "RECTANGLE":
-        return Rectangle()
+        return Unrolled()
     if kind == "POLAR":
         return Polar()
     raise ValueError(f"unknown reparameterization {kind!r}")

@@ -12,7 +12,7 @@ import numpy as np
 from ..surfaces.surface import ControlSurface
 from ..typing import Array, BoolArray, IndexArray
 from .basis import BasisKind, SpanBasis, span_basis
-from .reparameterisation import ImageMap, Rectangle, Reparameterisation
+from .reparameterisation import ImageMap, Reparameterisation, Unrolled
 
 # How it is decided whether a layer hides the rest of the image: by the depth of each point, by the depth of
 # the middle of the layer's things, or by the order of the list.
@@ -130,7 +130,7 @@ class Projection:
     """
 
     volume: ViewingVolume
-    reparameterisation: Reparameterisation = field(default_factory=Rectangle)
+    reparameterisation: Reparameterisation = field(default_factory=Unrolled)
     u_range: tuple[float, float] = (0.0, 1.0)
     v_range: tuple[float, float] = (0.0, 1.0)
     aspect: float = 1.0

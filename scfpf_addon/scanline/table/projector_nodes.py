@@ -15,7 +15,7 @@ from .uv_pieces import NO_PIECE, OF_SURFACE, PIECE, PIECES
 LEAP = 4.0
 
 
-class Projectors(NamedTuple):
+class TableSockets(NamedTuple):
     """The points of a table.
 
     size: columns, rows, spans. cut: whether the volume is in pieces. border: the pieces of its surfaces, flat
@@ -45,7 +45,7 @@ class _Controls(NamedTuple):
     hole: Value
 
 
-def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, polar: Value) -> Projectors:
+def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, polar: Value) -> TableSockets:
     """Make the table's points, with their projectors and pieces.
 
     given: inputs of ``table_group``. powers: of ``power_spans``. polar: 1 for a disc in polar coordinates.
@@ -84,7 +84,7 @@ def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, po
     table = nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?")
     # Through image mappings borders run as nothing but the table's points can tell.
     border = nodes.switch(cut & ~mapped, None, border, "GEOMETRY", "In Pieces?")
-    return Projectors(table, size, cut, border)
+    return TableSockets(table, size, cut, border)
 
 
 # The inputs of ``table_group`` that say which part of u and v an image shows.

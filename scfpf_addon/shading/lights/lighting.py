@@ -33,7 +33,7 @@ FAINT = 1.0 / 8.0
 LAMPS = 8
 
 
-class _Seen(NamedTuple):
+class _ShadedPoints(NamedTuple):
     """N points as the viewer sees them.
 
     facing: (N,) cosines to the viewer. diffuse: (3, N) or (3, 1) radiance by irradiance. alpha: (N,) or (1,).
@@ -49,7 +49,7 @@ class _Seen(NamedTuple):
     @classmethod
     def of(
         cls, points: SurfacePoints, coefficients: MaterialCoefficients, facing: Single, view: ViewTerms
-    ) -> _Seen:
+    ) -> _ShadedPoints:
         """Look up what the light of all lamps is multiplied with."""
         material = points.material
         diffuse = by_material(coefficients.diffuse, material)
@@ -118,7 +118,7 @@ class Lighting:
         if parts:
             parts.shine(by_material(coefficients.emission, points.material), unlit)
         if self.lamps:
-            seen = _Seen.of(points, coefficients, facing, view)
+            seen = _ShadedPoints.of(points, coefficients, facing, view)
             if spread is not None:
                 seen = seen._replace(alpha=seen.alpha + blur_of(spread.astype(np.float32)))
             seeds = position_seeds(points.position)
@@ -137,7 +137,7 @@ class Lighting:
     def _add_lamp(
         self,
         color: Single,
-        seen: _Seen,
+        seen: _ShadedPoints,
         lamp: Lamp,
         shares: Shares | None,
         parts: LightParts | None,

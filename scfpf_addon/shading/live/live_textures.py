@@ -21,7 +21,7 @@ LEVELS = 8
 FARTHEST = np.float32(1e5)
 
 
-class LiveImage(NamedTuple):
+class LiveTexture(NamedTuple):
     """An image: pixels (H, W, 4) float32, linear, straight alpha, row 0 at the bottom; and its settings."""
 
     pixels: Single
@@ -47,7 +47,7 @@ class LiveTextures:
     serial: int = field(default_factory=count().__next__)
 
     @classmethod
-    def of(cls, images: Sequence[LiveImage]) -> LiveTextures:
+    def of(cls, images: Sequence[LiveTexture]) -> LiveTextures:
         """Pack images and their smaller copies."""
         copies = [copy for image in images for copy in smaller_copies(image.pixels)]
         sizes = np.array([copy.shape[:2] for copy in copies], np.int64).reshape(-1, LEVELS, 2)

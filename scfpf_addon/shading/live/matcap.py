@@ -13,7 +13,7 @@ import numpy as np
 
 from ...projection.typing import IndexArray
 from ..typing import Single
-from .studio_light import Seen
+from .studio_light import LitPixels
 
 # The ball's radius as a share of the image's width, a little inside its border.
 RADIUS = np.float32(0.496)
@@ -32,7 +32,7 @@ class Matcap:
     is_flipped: bool = False
 
 
-def matcap_color(matcap: Matcap, seen: Seen, base: Single, highlights: bool) -> Single:
+def matcap_color(matcap: Matcap, seen: LitPixels, base: Single, highlights: bool) -> Single:
     """The linear colour (3, n) of surfaces by a matcap. base: (3, n). highlights: whether to add them."""
     u, v = matcap_position(seen, matcap.is_flipped)
     color = _interpolated(matcap.diffuse, u, v)
@@ -42,7 +42,7 @@ def matcap_color(matcap: Matcap, seen: Seen, base: Single, highlights: bool) -> 
     return color
 
 
-def matcap_position(seen: Seen, is_flipped: bool) -> tuple[Single, Single]:
+def matcap_position(seen: LitPixels, is_flipped: bool) -> tuple[Single, Single]:
     """The positions (n,) in a matcap, each in [0, 1], at which normals find their light."""
     (x, y, z), (right, up, toward) = seen.normal, seen.incident
     share = 1 / (1 + np.maximum(toward, np.float32(-0.999)))

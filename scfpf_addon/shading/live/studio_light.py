@@ -42,7 +42,7 @@ class StudioLight:
     in_world: bool = False
 
 
-class Seen(NamedTuple):
+class LitPixels(NamedTuple):
     """The geometry of n pixels, in the space of the light.
 
     normal: (3, n) unit vectors. incident: (3, n) or (3, 1), unit vectors towards the viewer.
@@ -104,7 +104,7 @@ def gloss_of(light: StudioLight, roughness: Single) -> Gloss:
 
 
 def studio_color(
-    light: StudioLight, seen: Seen, base: Single, metallic: Single | None, gloss: Gloss | None
+    light: StudioLight, seen: LitPixels, base: Single, metallic: Single | None, gloss: Gloss | None
 ) -> Single:
     """The linear colour (3, n) of surfaces in the light of a studio.
 
@@ -147,7 +147,7 @@ def _shares(base: Single, metallic: Single | None, facing: Single, smooth: Singl
     return specular + (1 - specular) * fresnel, base * (1 - metallic)
 
 
-def _highlights(light: StudioLight, seen: Seen, toward: Single, facing: Single, gloss: Gloss) -> Single:
+def _highlights(light: StudioLight, seen: LitPixels, toward: Single, facing: Single, gloss: Gloss) -> Single:
     """The reflected light of each lamp, (K, n): a highlight, or a soft environment where the lamp is soft.
 
     toward: (K, n) cosines of normal and lamp. facing: (n,) cosines of normal and viewer.

@@ -15,7 +15,7 @@ from ...projection.typing import Array, IndexArray
 from ..typing import Single
 from ..vectors import dot
 from .live_hits import LiveHits
-from .studio_light import Seen
+from .studio_light import LitPixels
 
 # Positions along each side of the image at which its projectors are compared with a perspective's.
 MEASURES = 7
@@ -64,26 +64,26 @@ def _off_perspective(directions: Array, column: IndexArray, row: IndexArray) -> 
 
 def seen_by_lights(
     hits: LiveHits, some: slice | IndexArray, axes: Array | None, share: float, in_world: bool
-) -> Seen:
+) -> LitPixels:
     """The normals and view vectors of some pixels in the space of the lights.
 
     axes, share: as for ``camera_share``. in_world: whether the lights stand in world space.
     """
     normal, forward = columns(hits.normal, some), columns(hits.forward, some)
     if in_world:
-        return Seen(normal, -forward)
+        return LitPixels(normal, -forward)
     own = None
     if share < 1.0 or axes is None:
         right, up = columns(hits.right, some), columns(hits.up, some)
         own = np.stack([dot(normal, right), dot(normal, up), -dot(normal, forward)])
         if share <= 0.0 or axes is None:
-            return Seen(own, AHEAD)
+            return LitPixels(own, AHEAD)
     turn = axes.T.astype(np.float32)
     by_camera, incident = turn @ normal, -(turn @ forward)
     if own is None:
-        return Seen(by_camera, incident)
+        return LitPixels(by_camera, incident)
     part = np.float32(share)
-    return Seen(_unit(part * by_camera + (1 - part) * own), _unit(part * incident + (1 - part) * AHEAD))
+    return LitPixels(_unit(part * by_camera + (1 - part) * own), _unit(part * incident + (1 - part) * AHEAD))
 
 
 def columns(values: Single, some: slice | IndexArray) -> Single:

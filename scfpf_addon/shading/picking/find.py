@@ -23,7 +23,7 @@ HIDING_STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundObject:
     """The place of an object in the image.
 
     box: left, lower, right and upper border of its visible part, shares of the image. centre: (x, y) of its
@@ -52,7 +52,7 @@ def find(
     points: Array,
     names: Collection[str],
     pixel_size: tuple[float, float],
-) -> Found | None:
+) -> FoundObject | None:
     """Find an object in the image; None if all of it is outside.
 
     projection: in the scene's space. points: (3, N), N >= 1, of the object. names: of the objects that
@@ -72,7 +72,7 @@ def find(
         nearest = inside[np.argmin(np.linalg.norm(some[:, inside] - middle[:, None], axis=0))]
     shown = ImagePlaces(x, y, place.t[inside], place.found[inside])
     hidden, hider = _hidden(projection, scene, shown, some[:, inside], names, pixel_size)
-    return Found(
+    return FoundObject(
         box=(float(x.min()), float(y.min()), float(x.max()), float(y.max())),
         centre=(float(place.x[nearest]), float(place.y[nearest])),
         shown=len(inside) / (some.shape[1] - 1),

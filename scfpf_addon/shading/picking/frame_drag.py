@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...projection.typing import Array
-from .frame_handles import BODY, LEAST_FACTOR, SIZE, TURN, Change, Frame
+from .frame_handles import BODY, LEAST_FACTOR, SIZE, TURN, FrameChange, HandledFrame
 
 # With Shift the mouse moves by this share; with Ctrl sizes and turns snap to these steps.
 PRECISE, SIZE_STEP, TURN_STEP = 0.1, 0.1, math.radians(5)
@@ -27,7 +27,7 @@ class FrameDrag:
     whether the frame is that of a pin, which can only be moved.
     """
 
-    frame: Frame
+    frame: HandledFrame
     part: int
     mouse: Array
     unit: float
@@ -36,7 +36,7 @@ class FrameDrag:
     typed: str = ""
     is_snapped: bool = False
     _start: Array = field(init=False)
-    _keys: Change = field(init=False, default_factory=Change)
+    _keys: FrameChange = field(init=False, default_factory=FrameChange)
 
     def __post_init__(self) -> None:
         self._start = self.mouse
@@ -55,13 +55,13 @@ class FrameDrag:
             x, y = x + NUDGE * self.unit * across, y + NUDGE * self.unit * up
         else:
             factor *= math.exp(NUDGE_SIZE * (across + up))
-        self._keys = Change((x, y), factor, turn)
+        self._keys = FrameChange((x, y), factor, turn)
 
     def choose(self, part: int) -> None:
         """Begin anew with another part: BODY, SIZE or TURN. The frame is as at first."""
         if self.is_point and part != BODY:
             return
-        self.part, self._start, self._keys, self.typed, self.axis = part, self.mouse, Change(), "", ""
+        self.part, self._start, self._keys, self.typed, self.axis = part, self.mouse, FrameChange(), "", ""
 
     def constrain(self, axis: str) -> None:
         """Move along "X" or "Y" only; the same axis again frees both."""
@@ -81,7 +81,7 @@ class FrameDrag:
         return value if math.isfinite(value) else None
 
     @property
-    def change(self) -> Change:
+    def change(self) -> FrameChange:
         """The change of the frame since the beginning."""
         value = self.number
         if value is not None:
@@ -93,12 +93,12 @@ class FrameDrag:
             factor = max(SIZE_STEP * round(factor / SIZE_STEP), LEAST_FACTOR)
         (dx, dy), times, more = self._keys
         x, y = x + dx, y + dy
-        return Change((x * (self.axis != "Y"), y * (self.axis != "X")), factor * times, turn + more)
+        return FrameChange((x * (self.axis != "Y"), y * (self.axis != "X")), factor * times, turn + more)
 
-    def _of_number(self, value: float) -> Change:
+    def _of_number(self, value: float) -> FrameChange:
         if self.part == BODY:
             length = value * self.unit
-            return Change(shift=(0.0, length) if self.axis == "Y" else (length, 0.0))
+            return FrameChange(shift=(0.0, length) if self.axis == "Y" else (length, 0.0))
         if self.part == TURN:
-            return Change(turn=math.radians(value))
-        return Change(factor=max(abs(value), LEAST_FACTOR))
+            return FrameChange(turn=math.radians(value))
+        return FrameChange(factor=max(abs(value), LEAST_FACTOR))

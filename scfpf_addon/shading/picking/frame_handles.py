@@ -24,7 +24,7 @@ REACH, STALK = 10.0, 26.0
 LEAST_FACTOR = 0.05
 
 
-class Change(NamedTuple):
+class FrameChange(NamedTuple):
     """The change of a view by a drag: the shift of its origin in pixels, the factor of its size, its turn."""
 
     shift: tuple[float, float] = (0.0, 0.0)
@@ -33,7 +33,7 @@ class Change(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Frame:
+class HandledFrame:
     """A frame in a region.
 
     origin: (2,), the pixel of the view's position. box: left, lower, right and upper border as seen from the
@@ -45,7 +45,7 @@ class Frame:
     turn: float
 
     @classmethod
-    def around(cls, points: Array, origin: Array, turn: float) -> Frame:
+    def around(cls, points: Array, origin: Array, turn: float) -> HandledFrame:
         """The smallest frame of a turn around pixels (2, N), N > 0."""
         flat = _turned(points - origin[:, None], -turn)
         low, high = flat.min(axis=1), flat.max(axis=1)
@@ -79,27 +79,27 @@ class Frame:
         left, low, right, high = self.box
         return BODY if left <= across <= right and low <= up <= high else None
 
-    def dragged(self, part: int, start: Array, end: Array) -> Change:
+    def dragged(self, part: int, start: Array, end: Array) -> FrameChange:
         """The change when a part is dragged from one pixel to another, (2,) each.
 
         The corner opposite to a dragged one stays where it is; the frame turns about its origin.
         """
         if part == BODY:
-            return Change(shift=(float(end[0] - start[0]), float(end[1] - start[1])))
+            return FrameChange(shift=(float(end[0] - start[0]), float(end[1] - start[1])))
         then, now = start - self.origin, end - self.origin
         if part == TURN:
             angle = math.atan2(now[1], now[0]) - math.atan2(then[1], then[0])
-            return Change(turn=math.remainder(angle, math.tau))
+            return FrameChange(turn=math.remainder(angle, math.tau))
         if part == SIZE:
             reach = float(np.linalg.norm(then))
-            return Change(factor=max(float(np.linalg.norm(now)) / reach, LEAST_FACTOR) if reach else 1.0)
+            return FrameChange(factor=max(float(np.linalg.norm(now)) / reach, LEAST_FACTOR) if reach else 1.0)
         corners = self.corners
         fixed = corners[:, (part + 2) % 4]
         diagonal = corners[:, part] - fixed
         length = float(diagonal @ diagonal)
         factor = max(1.0 + float((end - start) @ diagonal) / length, LEAST_FACTOR) if length else 1.0
         shift = (factor - 1.0) * (self.origin - fixed)
-        return Change(shift=(float(shift[0]), float(shift[1])), factor=factor)
+        return FrameChange(shift=(float(shift[0]), float(shift[1])), factor=factor)
 
 
 def _turned(flat: Array, angle: float) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's events: one handler of ours for each, in an order that does not depend on what happened before."""
+"""Blender's events: one handler of ours for each, in an order that can be read."""
 
 import bpy
 import pytest

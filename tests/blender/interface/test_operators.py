@@ -128,7 +128,7 @@ def test_presets_in_a_scene_hold_its_middle(addon, size):
     placement = addon("operators.camera.camera_placement")
     preset_module = addon("operators.camera.presets")
     invert = addon("projection.volume.inverse").invert
-    box = placement.Box(np.full(3, -size / 2), np.full(3, size / 2))
+    box = placement.SceneBox(np.full(3, -size / 2), np.full(3, size / 2))
     _, matrix = placement.camera_seeing(box, 16 / 9)
     for identifier in ("perspective", "mirror_ball", "orthographic", "oblique", "telephoto", "linear_twist"):
         volume = preset_module.shipped_preset(identifier).fitted(16 / 9).volume()
@@ -149,7 +149,7 @@ def test_presets_scale_with_a_tiny_scene_around_the_camera(addon):
         volume = preset_module.shipped_preset(identifier).fitted(16 / 9).volume()
         ratios = []
         for size in (0.02, 0.5):
-            box = placement.Box(np.full(3, -size), np.full(3, size))
+            box = placement.SceneBox(np.full(3, -size), np.full(3, size))
             matrix = Matrix.Translation((0.3 * size, -0.2 * size, 0.1 * size))
             ratios.append(placement.reaching_scale(volume, matrix, box) / size)
         assert ratios[0] == pytest.approx(ratios[1], rel=1e-6), identifier

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.aim.cases import WIDTH, figure, random_setting, room, view_setting
 from scfpf_addon.casting.aim.aim_scene import HitFinder
 from scfpf_addon.casting.aim.views import sample_view
-from scfpf_addon.projection.aim.problem import AimPins, Schedule
+from scfpf_addon.projection.aim.problem import AimPins, SolvePlan
 from scfpf_addon.projection.aim.solver import solve
 from scfpf_addon.projection.volume.viewing_volume import ViewingVolume
 
@@ -70,7 +70,7 @@ def test_a_fold_is_mended(solved):
     folded = replace(result, patches=patches)
     case = replace(case, columns=96)
     assert case.judged_result(folded).folded > 0.01
-    mended = case.judged_result(solve(replace(case.problem, solved=folded), schedule=Schedule().mending()))
+    mended = case.judged_result(solve(replace(case.problem, solved=folded), schedule=SolvePlan().mending()))
     assert mended.is_clean and mended.pixels.max() <= 1.5
 
 

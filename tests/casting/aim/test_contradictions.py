@@ -14,7 +14,7 @@ from scfpf_addon.casting.aim.contradictions import (
     shown_twice,
     surfaces_at,
 )
-from scfpf_addon.casting.aim.views import View, sample_view, seen_of
+from scfpf_addon.casting.aim.views import AimView, sample_view, seen_of
 from scfpf_addon.projection.aim.problem import AimPins
 from scfpf_addon.projection.surfaces.surface import Cylinder
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
@@ -92,7 +92,7 @@ def view_of(place, shift=0.0, left=0.0):
     """A view of the chair, and its place in the image moved to the right."""
     shown = place.view(left, 0.0)
     shown = replace(shown, position=(shown.position[0] + shift, shown.position[1]))
-    return View(shown, place.wanted, seen_of(place.scene, place.wanted, shown))
+    return AimView(shown, place.wanted, seen_of(place.scene, place.wanted, shown))
 
 
 @pytest.mark.parametrize(("off", "is_told"), [(0.0, False), (0.03, False), (0.2, True)])

@@ -9,7 +9,7 @@ import pytest
 from scfpf_addon.casting.layers.image_bounds import ImageBounds
 from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.surface import Plane, Point
-from scfpf_addon.projection.volume.reparameterisation import Framed, Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Framed, Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 FRAME = Framed((0.4, 0.6), (1.3, 0.5))
@@ -26,7 +26,7 @@ def plane(depth, width, turn=0.0):
 def pinhole(near=None, image=None):
     """A camera at the origin, whose image is as wide as it is far away and shows u from 0.1 to 0.9."""
     surfaces = (near or plane(0.1, 0.1), plane(8.0, 8.0))
-    return Projection(ViewingVolume(surfaces), image or Rectangle(), u_range=(0.1, 0.9), aspect=2.0)
+    return Projection(ViewingVolume(surfaces), image or Unrolled(), u_range=(0.1, 0.9), aspect=2.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -34,7 +34,7 @@ def pinhole(near=None, image=None):
 @pytest.mark.parametrize("near", [None, Point()])
 def test_bounds_are_those_of_the_points_in_the_image(seed, is_framed, near):
     points = np.random.default_rng(seed).uniform([[-1], [-1], [-6]], [[1], [1], [-2]], (3, 7))
-    bounds = ImageBounds.around(pinhole(near, Stack((FRAME,), Rectangle()) if is_framed else None), points)
+    bounds = ImageBounds.around(pinhole(near, Stack((FRAME,), Unrolled()) if is_framed else None), points)
     x = (points[0] / -points[2] + 0.5 - 0.1) / 0.8
     y = points[1] / -points[2] / 0.5 + 0.5
     if is_framed:

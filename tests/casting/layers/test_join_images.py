@@ -6,7 +6,7 @@ import numpy as np
 from scfpf_addon.casting.layers.join_images import cover, halo_share, joined, shares
 from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.surface import Plane
-from scfpf_addon.projection.volume.reparameterisation import Framed, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Framed, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 
 
@@ -45,7 +45,7 @@ def test_a_pixel_without_layers_keeps_its_bits():
 
 
 def test_a_frame_and_a_mask_cover_shares_of_pixels():
-    framed = Stack((Framed((0.5, 0.5), (0.55, 1.0)),), Rectangle())
+    framed = Stack((Framed((0.5, 0.5), (0.55, 1.0)),), Unrolled())
     matrix = np.eye(4)
     volume = ViewingVolume((Plane(matrix=matrix, width=1, height=1), Plane(matrix=matrix, width=1, height=1)))
     mask = np.array([[1.0, 1.0], [0.0, 0.0]])

@@ -17,7 +17,7 @@ from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.nurbs import NurbsPatch
 from scfpf_addon.projection.surfaces.surface import Cylinder, Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume.lattice import Lattice
-from scfpf_addon.projection.volume.reparameterisation import Framed, Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Framed, Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 
 BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS")
@@ -101,7 +101,7 @@ def around_a_post(base="BEZIER"):
         x, y = np.meshgrid(places, places[::4])
         nets.append(np.stack([x * reach, y * reach, depth - bend * x**2], axis=-1))
     volume = ViewingVolume(tuple(Grid(net) for net in nets), base)
-    return Projection(volume, Stack((Framed((0.5, 0.5), (0.8, 0.8)),), Rectangle()))
+    return Projection(volume, Stack((Framed((0.5, 0.5), (0.8, 0.8)),), Unrolled()))
 
 
 def layered(projection, halo):
@@ -147,7 +147,7 @@ def test_few_projectors_are_cast_in_vain():
     assert kept.sum() < 1.5 * seen.sum() < hull.sum()
 
 
-@pytest.mark.parametrize("image", [Rectangle(), Polar()])
+@pytest.mark.parametrize("image", [Unrolled(), Polar()])
 def test_parameters_outside_of_the_image_are_held(image):
     projection = Projection(curved(0), image)
     far = np.full((3, 3, 1), 9.0)

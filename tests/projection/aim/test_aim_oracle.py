@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from scfpf_addon.projection.aim.control_net import Net
+from scfpf_addon.projection.aim.control_net import ControlNet
 from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimStays, AimWeights
 from scfpf_addon.projection.aim.solver import Aim
 from scfpf_addon.projection.aim.start import start_volume
@@ -130,7 +130,7 @@ def residuals_of(problem, aim):
 def test_scipy_finds_no_smaller_energy_from_there():
     problem = asked()
     aim = Aim(problem)
-    assert aim.net == Net(6, 5, 3)
+    assert aim.net == ControlNet(6, 5, 3)
     residuals = residuals_of(problem, aim)
     home, result = aim.t.copy(), aim.solve()
     moved = aim.net.gather(result.patches)

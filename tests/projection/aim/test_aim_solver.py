@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.aim.banded import GridTerms, Normal, Rows, pairs
-from scfpf_addon.projection.aim.control_net import Net
+from scfpf_addon.projection.aim.control_net import ControlNet
 from scfpf_addon.projection.aim.fold_barrier import FoldBarrier
 from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimStays, AimWeights, FirstHits
 from scfpf_addon.projection.aim.solver import Aim, solve
@@ -102,14 +102,14 @@ def of_places(net):
 
 
 def test_equations_are_solved_as_by_linalg():
-    normal = of_places(Net(7, 5, 3))
+    normal = of_places(ControlNet(7, 5, 3))
     matrix = full(normal)
     expected = np.linalg.solve(matrix + 0.25 * np.diag(matrix.diagonal()), normal.right.reshape(-1))
     np.testing.assert_allclose(normal.solve(0.25), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_moves_that_cost_are_a_damping_of_their_own():
-    net = Net(7, 5, 3)
+    net = ControlNet(7, 5, 3)
     normal = of_places(net)
     matrix = full(normal)
     normal.resist(np.array([0.5, 3.0]))
@@ -120,7 +120,7 @@ def test_moves_that_cost_are_a_damping_of_their_own():
 
 
 def test_residuals_on_a_grid_are_summed_as_rows_are():
-    net = Net(7, 5, 3)
+    net = ControlNet(7, 5, 3)
     random = np.random.default_rng(4)
     grid = net.grid(np.sort(random.random(9)), np.sort(random.random(6)))
     # Two residuals at each place, along vectors e, with weights w of the surfaces: the near one is fixed.
@@ -139,7 +139,7 @@ def test_residuals_on_a_grid_are_summed_as_rows_are():
 
 def test_a_grid_has_the_projectors_of_its_places():
     start = start_volume(PERSPECTIVE, WIDTH, (12, 8), 3, subject=0.2)
-    net = Net(12, 8, 4)
+    net = ControlNet(12, 8, 4)
     points = net.gather(start.patches)
     points = points + np.random.default_rng(6).normal(size=points.shape)
     grid = net.grid(np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 5))
@@ -190,7 +190,7 @@ def test_a_drag_follows_with_one_step_an_event():
 
 
 def test_the_barrier_of_two_parts_is_that_of_each():
-    net, random = Net(12, 8, 4), np.random.default_rng(4)
+    net, random = ControlNet(12, 8, 4), np.random.default_rng(4)
     points = net.gather(problem(AimPins(np.zeros((3, 0)), np.zeros((2, 0)))).patches)
     points = points + random.normal(scale=0.3, size=points.shape)
     grid = FoldBarrier(net.grid(np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 5)), -1.0)
@@ -230,7 +230,7 @@ def test_the_barrier_is_silent_where_the_volume_is_a_point():
     start = start_volume(
         Projection(ViewingVolume((plane(0.0), plane(60.0))), aspect=ASPECT), WIDTH, (6, 5), 3, subject=0.2
     )
-    net = Net(6, 5, 4)
+    net = ControlNet(6, 5, 4)
     points = net.gather(start.patches)
     grid = net.grid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4))
     barrier = FoldBarrier(grid, -1.0, np.where(np.arange(20) < 7, 0.0, 0.5))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.aim.control_net import Net
+from scfpf_addon.projection.aim.control_net import ControlNet
 from scfpf_addon.projection.aim.homotopy import Homotopy
 from scfpf_addon.projection.aim.problem import AimPins
 from scfpf_addon.projection.aim.start import start_volume
@@ -74,7 +74,7 @@ def way_of(pins, last=None):
         for d in (0.1, 40.0)
     )
     start = start_volume(Projection(ViewingVolume(planes), aspect=ASPECT), WIDTH, (12, 8), 3, 0.25)
-    net = Net(12, 8, 4)
+    net = ControlNet(12, 8, 4)
     return Homotopy(net.at(*pins.positions), net.gather(start.patches), pins, WIDTH, last)
 
 

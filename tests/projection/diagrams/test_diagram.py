@@ -12,7 +12,7 @@ from scfpf_addon.projection.diagrams.marks import image_frame
 from scfpf_addon.projection.diagrams.projector_lines import BEND_TOLERANCE, projector_lines
 from scfpf_addon.projection.diagrams.surface_lines import surface_lines
 from scfpf_addon.projection.surfaces.surface import ControlSurface, Disc, Grid, Plane, Point, SphereSector
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 
@@ -186,7 +186,7 @@ def test_signature_names_what_the_lines_depend_on():
     ]
     own = volume_signature(base, 5, 3)
     assert len({own, *other}) == len(other) + 1
-    assert volume_signature(replace(base, reparameterisation=Rectangle()), 5, 3) == own
+    assert volume_signature(replace(base, reparameterisation=Unrolled()), 5, 3) == own
 
 
 def test_signature_sees_every_point_of_a_grid():

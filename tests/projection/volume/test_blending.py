@@ -12,7 +12,7 @@ from scfpf_addon.projection.surfaces.surface import Disc, Grid, Plane, SphereSec
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
 from scfpf_addon.projection.user_error import UserError
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 
@@ -56,7 +56,7 @@ def test_each_half_of_a_blend_is_one_of_the_two(first, second, basis, layers, sh
 
 
 def test_ranges_and_mappings_become_part_of_the_grids():
-    mapped = Stack((Distortion((-0.05, 0.0, 0.0)),), Rectangle())
+    mapped = Stack((Distortion((-0.05, 0.0, 0.0)),), Unrolled())
     projection = Projection(STRAIGHT, mapped, (0.25, 0.75), (0.5, 1.0), aspect=2.0)
     blend = blended((projection, Projection(BALLS, aspect=2.0)))
     x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
@@ -78,7 +78,7 @@ def test_polar_images_stay_polar():
 
 
 def test_empty_parts_cannot_be_blended():
-    empty = Stack((Distortion((0.5, 0.0, 0.0)),), Rectangle())
+    empty = Stack((Distortion((0.5, 0.0, 0.0)),), Unrolled())
     with pytest.raises(UserError, match="empty parts"):
         blended((Projection(STRAIGHT, empty), Projection(BENT)))
 

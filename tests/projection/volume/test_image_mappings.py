@@ -23,7 +23,7 @@ from scfpf_addon.projection.mappings.stack import (
 )
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.inverse import find_in_image
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 SINE = np.linspace(0.0, 1.0, 257)
@@ -58,7 +58,7 @@ MAPPINGS = {
     "backwards": InverseMapping(Distortion((0.2, 0.0, 0.0))),
     "part": PartialMapping(MagicLens(0.5, 3.0, 0.5), 0.4),
     "stack": Stack(
-        (MagicLens(0.4, 2.0, 0.5, (0.3, 0.4)), wavy_grid(), Distortion((-0.05, 0, 0))), Rectangle()
+        (MagicLens(0.4, 2.0, 0.5, (0.3, 0.4)), wavy_grid(), Distortion((-0.05, 0, 0))), Unrolled()
     ),
 }
 
@@ -252,10 +252,10 @@ def test_a_stack_goes_from_the_first_to_the_last_and_ends_at_the_border():
     twice = RadialCurve(np.array([[0.0, 0.0], [1.0, 2.0]]))
     lens = MagicLens(0.3, 2.0, 0.0, (0.75, 0.5))
     x, y = np.array([0.6, 0.65, 0.9]), np.full(3, 0.5)
-    first = Stack((twice, lens), Rectangle()).map(x, y, 1.0)
+    first = Stack((twice, lens), Unrolled()).map(x, y, 1.0)
     np.testing.assert_allclose(first.u[:2], [0.725, 0.775])
     assert first.mask.tolist() == [True, True, False]
-    second = Stack((lens, twice), Rectangle()).map(x, y, 1.0)
+    second = Stack((lens, twice), Unrolled()).map(x, y, 1.0)
     np.testing.assert_allclose(second.u[0], 0.5 + 2 * (0.75 + (0.6 - 0.75) - 0.5))
     assert seen_through((), Polar()) == Polar()
 
@@ -263,17 +263,17 @@ def test_a_stack_goes_from_the_first_to_the_last_and_ends_at_the_border():
 def test_a_polar_base_keeps_its_disc_if_the_rim_stays():
     rim_stays = RadialCurve(np.array([[0.0, 0.0], [0.5, 0.7], [1.0, 1.0]]))
     for aspect in (0.5, 1.0, 1.8):
-        assert is_disc(Polar(), aspect) and not is_disc(Rectangle(), aspect)
+        assert is_disc(Polar(), aspect) and not is_disc(Unrolled(), aspect)
         assert is_disc(Stack((rim_stays, MagicLens(0.2)), Polar()), aspect)
         assert not is_disc(Stack((Distortion((0.2, 0, 0)),), Polar()), aspect)
-        assert not is_disc(Stack((rim_stays,), Rectangle()), aspect)
+        assert not is_disc(Stack((rim_stays,), Unrolled()), aspect)
 
 
 def test_points_of_space_are_found_in_a_distorted_image():
     matrix = np.eye(4)
     matrix[2, 3] = -10.0
     volume = ViewingVolume((Plane(2.0, 1.0), Plane(20.0, 10.0, matrix=matrix)))
-    stack = Stack((MagicLens(0.5, 2.0, 0.5), Distortion((0.3, 0.0, 0.0))), Rectangle())
+    stack = Stack((MagicLens(0.5, 2.0, 0.5), Distortion((0.3, 0.0, 0.0))), Unrolled())
     projection = Projection(volume, stack, (0.1, 0.9), (0.0, 1.0), aspect=2.0)
     x, y = image_places(60)
     image = projection.parameters(x, y)

@@ -24,7 +24,7 @@ from scfpf_addon.projection.surfaces.surface import (
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
 from scfpf_addon.projection.volume.inverse import find_in_image, invert
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 FOLDER = pathlib.Path(__file__).resolve().parents[3] / "presets"
@@ -215,7 +215,7 @@ def test_only_the_part_that_is_shown_is_looked_in():
     points = volume.evaluate(np.array([0.2, 0.7]), np.array([0.5, 0.5]), np.array([0.5, 0.5])).position
     for u_range in ((0.5, 1.0), (1.0, 0.5)):
         assert invert(volume, points, u_range).found.tolist() == [False, True]
-        place = find_in_image(Projection(volume, Rectangle(), u_range), points)
+        place = find_in_image(Projection(volume, Unrolled(), u_range), points)
         assert place.found.tolist() == [False, True]
         assert place.x[1] == pytest.approx((0.7 - u_range[0]) / (u_range[1] - u_range[0]))
 
@@ -223,7 +223,7 @@ def test_only_the_part_that_is_shown_is_looked_in():
 @pytest.mark.parametrize("aspect", [0.4, 1.0, 1.7778])
 def test_image_positions_are_the_inverse_of_the_image_map(aspect):
     x, y = np.random.default_rng(3).uniform(size=(2, 500))
-    for kind in (Rectangle(), Polar()):
+    for kind in (Unrolled(), Polar()):
         image = kind.map(x, y, aspect)
         again = kind.image_positions(image.u, image.v, aspect)
         assert np.allclose(again, (x, y), atol=1e-14)

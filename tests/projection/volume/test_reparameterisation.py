@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scfpf_addon.projection.surfaces.surface import Disc, Plane
-from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle, reparameterisation
+from scfpf_addon.projection.volume.reparameterisation import Polar, Unrolled, reparameterisation
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume, image_derivatives
 
 place = st.floats(0.0, 1.0)
@@ -17,7 +17,7 @@ aspects = st.floats(0.25, 4.0)
 
 @given(place, place, aspects)
 def test_rectangle_is_the_identity(x, y, aspect):
-    image = Rectangle().map(np.array([x]), np.array([y]), aspect)
+    image = Unrolled().map(np.array([x]), np.array([y]), aspect)
     assert (image.u[0], image.v[0], image.mask[0]) == (x, y, True)
     np.testing.assert_array_equal(image.jacobian[:, :, 0], np.eye(2))
 
@@ -66,7 +66,7 @@ def test_qx_and_qy_stay_regular_at_a_polar_centre(offset, aspect):
     np.testing.assert_allclose(dy[:, 0], [0, 6.0 * max(1 / aspect, 1.0), 0], atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [Rectangle(), Polar()])
+@pytest.mark.parametrize("kind", [Unrolled(), Polar()])
 def test_points_are_those_of_the_map(kind):
     x, y = np.random.default_rng(3).uniform(size=(2, 50))
     image, points = kind.map(x, y, 1.5), kind.points(x, y, 1.5)
@@ -87,6 +87,6 @@ def test_ranges_scale_parameters_and_jacobian(x, y, low, high):
 
 def test_names():
     assert isinstance(reparameterisation("POLAR"), Polar)
-    assert isinstance(reparameterisation("RECTANGLE"), Rectangle)
+    assert isinstance(reparameterisation("RECTANGLE"), Unrolled)
     with pytest.raises(ValueError, match="unknown"):
         reparameterisation("SPIRAL")

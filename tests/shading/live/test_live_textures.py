@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.shading.live.live_textures import LiveImage, LiveTextures, footprints, halved
+from scfpf_addon.shading.live.live_textures import LiveTexture, LiveTextures, footprints, halved
 
 # NumPy's names for what lies beyond the border of an image of texels.
 MODES = {"REPEAT": "wrap", "EXTEND": "edge", "MIRROR": "symmetric", "CLIP": "constant"}
@@ -31,7 +31,7 @@ def interpolated(pixels, u, v, mode):
 @pytest.mark.parametrize("extension", MODES)
 def test_interpolation_and_extension_are_those_of_a_padded_image(extension):
     made = images()
-    textures = LiveTextures.of([LiveImage(pixels, extension) for pixels in made])
+    textures = LiveTextures.of([LiveTexture(pixels, extension) for pixels in made])
     random = np.random.default_rng(2)
     uv = random.uniform(-1.9, 2.9, (2, 400)).astype(np.float32)
     which = random.integers(0, len(made), 400)
@@ -43,7 +43,7 @@ def test_interpolation_and_extension_are_those_of_a_padded_image(extension):
 
 def test_closest_texels_are_not_mixed():
     pixels = images(1)[0]
-    textures = LiveTextures.of([LiveImage(pixels, "REPEAT", False)])
+    textures = LiveTextures.of([LiveTexture(pixels, "REPEAT", False)])
     uv = np.random.default_rng(4).random((2, 300), dtype=np.float32)
     found = textures.sample(np.zeros(300, int), uv, np.zeros(300, np.float32))
     rows, columns = (uv[1] * pixels.shape[0]).astype(int), (uv[0] * pixels.shape[1]).astype(int)
@@ -52,7 +52,7 @@ def test_closest_texels_are_not_mixed():
 
 def test_a_pixel_as_wide_as_the_image_sees_its_mean():
     pixels = np.random.default_rng(5).random((64, 64, 4), dtype=np.float32)
-    textures = LiveTextures.of([LiveImage(pixels)])
+    textures = LiveTextures.of([LiveTexture(pixels)])
     found = textures.sample(
         np.zeros(50, int), np.random.default_rng(6).random((2, 50), dtype=np.float32), np.ones(50, np.float32)
     )
@@ -78,6 +78,6 @@ def test_the_footprint_is_the_step_between_pixels_of_the_same_surface():
 
 
 def test_coordinates_without_a_value_do_no_harm():
-    textures = LiveTextures.of([LiveImage(images(1)[0])])
+    textures = LiveTextures.of([LiveTexture(images(1)[0])])
     uv = np.array([[np.nan, np.inf, -np.inf, 1e30], [0, 0, np.nan, 1e30]], np.float32)
     assert np.isfinite(textures.sample(np.zeros(4, int), uv, np.full(4, np.nan, np.float32))).all()

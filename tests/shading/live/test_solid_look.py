@@ -9,7 +9,7 @@ import pytest
 from scfpf_addon.shading.live.background import Background
 from scfpf_addon.shading.live.cavity import Cavity
 from scfpf_addon.shading.live.live_hits import LiveHits
-from scfpf_addon.shading.live.live_textures import LiveImage, LiveTextures
+from scfpf_addon.shading.live.live_textures import LiveTexture, LiveTextures
 from scfpf_addon.shading.live.matcap import Matcap
 from scfpf_addon.shading.live.solid_look import SolidLook, SurfaceLooks, displayed, paint
 from scfpf_addon.shading.live.studio_light import StudioLight, fast_reciprocal
@@ -244,7 +244,7 @@ def test_flat_colours_come_from_rows_attributes_and_images():
     row = np.digitize(x, [-0.5, 0.0, 0.5])
     count = len(x)
     attribute = np.broadcast_to(np.array([[0.2], [0.4], [0.6]], np.float32), (3, count))
-    textures = LiveTextures.of([LiveImage(np.full((8, 8, 4), (0.1, 0.5, 0.9, 1), np.float32))])
+    textures = LiveTextures.of([LiveTexture(np.full((8, 8, 4), (0.1, 0.5, 0.9, 1), np.float32))])
     surfaces = replace(
         looks(((1.0, 0, 0), (0.0, 1, 0), (0.0, 0, 1), (0.5, 0.5, 0.5))),
         image=np.array([-1, -1, -1, 0]),

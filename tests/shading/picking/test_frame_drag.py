@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.picking.frame_drag import FrameDrag
-from scfpf_addon.shading.picking.frame_handles import BODY, LEAST_FACTOR, SIZE, TURN, Change, Frame
+from scfpf_addon.shading.picking.frame_handles import (
+    BODY,
+    LEAST_FACTOR,
+    SIZE,
+    TURN,
+    FrameChange,
+    HandledFrame,
+)
 
 ORIGIN = np.array([100.0, 100.0])
 
 
 def drag(part, mouse=(200.0, 100.0), **more):
-    frame = Frame(ORIGIN, (-60.0, -40.0, 60.0, 40.0), 0.0)
+    frame = HandledFrame(ORIGIN, (-60.0, -40.0, 60.0, 40.0), 0.0)
     return FrameDrag(frame, part, np.array(mouse), unit=2.0, **more)
 
 
@@ -24,7 +31,7 @@ def test_the_mouse_and_the_arrows_add_up():
     for across, up in ((1, 0), (1, 0), (0, -1)):
         one.nudge(across, up)
     # 30 + 5 and two arrows of two pixels each; -10 + 2 and one arrow.
-    assert one.change == Change((39.0, -10.0), 1.0, 0.0)
+    assert one.change == FrameChange((39.0, -10.0), 1.0, 0.0)
 
 
 def test_an_axis_keeps_the_other_and_is_freed_by_its_key():
@@ -51,11 +58,11 @@ def test_turns_and_sizes_snap():
 @pytest.mark.parametrize(
     ("part", "axis", "typed", "expected"),
     [
-        (BODY, "", "-12.5", Change((-25.0, 0.0), 1.0, 0.0)),
-        (BODY, "Y", "3", Change((0.0, 6.0), 1.0, 0.0)),
-        (TURN, "", "90", Change((0.0, 0.0), 1.0, math.pi / 2)),
-        (SIZE, "", "1,5", Change((0.0, 0.0), 1.5, 0.0)),
-        (SIZE, "", "0", Change((0.0, 0.0), LEAST_FACTOR, 0.0)),
+        (BODY, "", "-12.5", FrameChange((-25.0, 0.0), 1.0, 0.0)),
+        (BODY, "Y", "3", FrameChange((0.0, 6.0), 1.0, 0.0)),
+        (TURN, "", "90", FrameChange((0.0, 0.0), 1.0, math.pi / 2)),
+        (SIZE, "", "1,5", FrameChange((0.0, 0.0), 1.5, 0.0)),
+        (SIZE, "", "0", FrameChange((0.0, 0.0), LEAST_FACTOR, 0.0)),
     ],
 )
 def test_a_typed_number_counts_instead_of_the_mouse(part, axis, typed, expected):
@@ -95,7 +102,7 @@ def test_another_part_begins_anew_where_the_mouse_is_and_a_pin_has_no_other():
     one = drag(BODY)
     one.move(0.0, 100.0)
     one.choose(TURN)
-    assert one.change == Change()
+    assert one.change == FrameChange()
     one.move(-100.0, 0.0)
     assert one.change.turn == pytest.approx(math.pi / 4)
     pin = drag(BODY, is_point=True)

@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from scfpf_addon.shading.picking.frame_handles import BODY, LEAST_FACTOR, REACH, SIZE, STALK, TURN, Frame
+from scfpf_addon.shading.picking.frame_handles import (
+    BODY,
+    LEAST_FACTOR,
+    REACH,
+    SIZE,
+    STALK,
+    TURN,
+    HandledFrame,
+)
 
 ORIGIN, TURNED = 310.0 + 220.0j, 0.4
 BOX = (-80.0, -30.0, 120.0, 50.0)
@@ -24,7 +32,7 @@ def at(across, up, turn=TURNED):
 
 @pytest.fixture
 def frame():
-    return Frame(plane(ORIGIN), BOX, TURNED)
+    return HandledFrame(plane(ORIGIN), BOX, TURNED)
 
 
 def apply(change, z):
@@ -44,7 +52,7 @@ def test_corners_and_handle_lie_where_complex_numbers_say(frame):
 def test_a_frame_around_points_touches_them_on_all_sides():
     rng = np.random.default_rng(3)
     points = rng.uniform(0, 500, (2, 60))
-    frame = Frame.around(points, np.array([250.0, 100.0]), 0.9)
+    frame = HandledFrame.around(points, np.array([250.0, 100.0]), 0.9)
     flat = (points[0] + 1j * points[1] - complex(250, 100)) * cmath.exp(-0.9j)
     assert frame.box == pytest.approx((flat.real.min(), flat.imag.min(), flat.real.max(), flat.imag.max()))
 
@@ -97,7 +105,7 @@ def test_parts_are_hit_within_their_reach_and_the_body_inside_its_sides(frame):
 
 
 def test_a_point_has_a_frame_that_cannot_be_scaled(frame):
-    point = Frame(plane(ORIGIN), (0.0, 0.0, 0.0, 0.0), 0.0)
+    point = HandledFrame(plane(ORIGIN), (0.0, 0.0, 0.0, 0.0), 0.0)
     assert point.dragged(0, plane(ORIGIN), plane(ORIGIN + 5)).factor == 1.0
 
 
