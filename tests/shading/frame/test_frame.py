@@ -183,8 +183,10 @@ def test_highlights_follow_the_tangent_of_a_curved_projector(build, towards, shi
     assert done.report.error_bound <= 0.1
 
 
-def test_callbacks_come_from_the_calling_thread_and_cover_the_image(build):
+def test_callbacks_come_from_the_calling_thread_and_cover_the_image(build, monkeypatch):
     projection, scene = busy(build)
+    # Progress is told every so many seconds: a quick machine would be done before.
+    monkeypatch.setattr(tiling, "POLL_SECONDS", 0)
     seen, shares, callers = np.full((50, 70, 4), np.nan, np.float32), [], set()
 
     def on_tile(rows, pixels, _passes):
