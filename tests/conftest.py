@@ -19,6 +19,12 @@ TESTS = pathlib.Path(__file__).parent
 # Files, folders and tests that get the mark "once": they take long, and what they show hardly depends on the
 # version of Blender, Python or NumPy. Shorter ones call the same code on all versions.
 ONCE = (
+    "aim/test_aim_judge.py",
+    "aim/test_contradictions.py",
+    "aim/test_detours.py",
+    "aim/test_rounds.py",
+    "aim/test_sight.py",
+    "aim/test_survey.py",
     "blender/aim/test_drag_operator.py",
     "blender/aim/test_drags.py",
     "blender/aim/test_keyed_targets.py::test_a_fault_at_a_key_names_its_frame_and_changes_nothing",
@@ -74,7 +80,6 @@ ONCE = (
     "blender/whole/test_malformed_properties.py",
     "blender/whole/test_real_benchmarks.py",
     "blender/whole/test_recipes.py",
-    "casting/aim",
     "casting/cells/test_float32_rays.py::test_no_ray_hits_anything_in_an_empty_chord",
     "casting/cells/test_occupied_chords.py",
     "casting/curves/test_chord_plan.py::test_points_of_chords_are_seen_where_their_pixel_is",

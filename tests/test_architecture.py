@@ -11,8 +11,8 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 # From the ground up: a layer may import those before it.
-LAYERS = ("projection", "casting", "shading", "bridge", "scanline", "cycles", "operators", "panels")
-PURE = LAYERS[:3]
+LAYERS = ("projection", "casting", "aim", "shading", "bridge", "scanline", "cycles", "operators", "panels")
+PURE = LAYERS[:4]
 PRODUCT = ("scfpf_addon", "operators", "panels")
 
 

@@ -35,8 +35,8 @@ from benchmarks.aim.cases import (
     terrain,
     view_setting,
 )
-from scfpf_addon.casting.aim.rounds import Round
-from scfpf_addon.projection.aim.solver import Aim
+from scfpf_addon.aim.rounds import Round
+from scfpf_addon.aim.solver.gauss_newton import Aim
 
 # Built once each: the street registers Blender's classes.
 PLACES = {make.__name__: cache(make) for make in (street, room, terrain, figure)}

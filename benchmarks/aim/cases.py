@@ -10,17 +10,17 @@ import numpy as np
 
 from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
-from scfpf_addon.casting.aim.aim_scene import AimScene, HitFinder
-from scfpf_addon.casting.aim.detours import free_pins
-from scfpf_addon.casting.aim.judge import COLUMNS, Judge, Judgement
-from scfpf_addon.casting.aim.released import Released
-from scfpf_addon.casting.aim.rounds import JudgeResult, Round, solve_in_rounds
-from scfpf_addon.casting.aim.stays import GRID, find_stays
-from scfpf_addon.casting.aim.views import sample_view
+from scfpf_addon.aim.aim_scene import AimScene, HitFinder
+from scfpf_addon.aim.detours import free_pins
+from scfpf_addon.aim.judge import COLUMNS, Judge, Judgement
+from scfpf_addon.aim.released import Released
+from scfpf_addon.aim.rounds import JudgeResult, Round, solve_in_rounds
+from scfpf_addon.aim.solver.problem import AimPins, AimProblem, AimResult
+from scfpf_addon.aim.solver.start import projection_of, start_volume
+from scfpf_addon.aim.stays import GRID, find_stays
+from scfpf_addon.aim.view_map import ViewMap
+from scfpf_addon.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult
-from scfpf_addon.projection.aim.start import projection_of, start_volume
-from scfpf_addon.projection.aim.view_map import ViewMap
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
 from scfpf_addon.projection.typing import Array
 from scfpf_addon.projection.volume.inverse import find_in_image

@@ -12,7 +12,7 @@ import hashlib
 import bpy
 import numpy as np
 
-from ...projection.aim.start import start_volume
+from ...aim.solver.start import start_volume
 from ...projection.surfaces.nurbs import NurbsPatch
 from ...projection.typing import Array
 from ...projection.user_error import UserError

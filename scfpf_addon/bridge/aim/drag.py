@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...projection.aim.problem import AimPins
-from ...projection.aim.solver import Aim
-from ...projection.aim.vectors import nearest_t
+from ...aim.solver.gauss_newton import Aim
+from ...aim.solver.problem import AimPins
+from ...aim.solver.vectors import nearest_t
 from ...projection.user_error import UserError
 from ..blender.scene_objects import object_by_uid
 from ..settings.aim_properties import PIN, VIEW

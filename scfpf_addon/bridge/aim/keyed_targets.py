@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...projection.aim.start import projection_of
+from ...aim.solver.start import projection_of
 from ...projection.surfaces.nurbs import NurbsPatch
 from ...projection.user_error import Message, UserError
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections

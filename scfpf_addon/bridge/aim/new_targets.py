@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ...projection.aim.view_map import LocalEye, local_eye, orbit
+from ...aim.view_map import LocalEye, local_eye, orbit
 from ...projection.typing import Array
 from ...projection.user_error import UserError
 from ...projection.volume.inverse import find_in_image

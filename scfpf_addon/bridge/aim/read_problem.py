@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...casting.aim.aim_scene import AimScene, HitFinder
-from ...casting.aim.stays import find_stays
-from ...casting.aim.views import AimView, pins_on, seen_of
+from ...aim.aim_scene import AimScene, HitFinder
+from ...aim.solver.problem import AimLines, AimPins, AimProblem, AimStays
+from ...aim.solver.start import projection_of
+from ...aim.stays import find_stays
+from ...aim.views import AimView, pins_on, seen_of
 from ...casting.common.hits import CastError
-from ...projection.aim.problem import AimLines, AimPins, AimProblem, AimStays
-from ...projection.aim.start import projection_of
 from ...projection.typing import Array, BoolArray
 from ...projection.user_error import UserError
 from ...projection.volume.inverse import find_in_image

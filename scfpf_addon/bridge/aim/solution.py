@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ...casting.aim.judge import Judgement
-from ...casting.aim.survey import Spread
-from ...projection.aim.problem import AimResult
+from ...aim.judge import Judgement
+from ...aim.solver.problem import AimResult
+from ...aim.survey import Spread
 from .read_problem import AimInputs
 
 

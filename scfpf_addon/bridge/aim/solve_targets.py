@@ -7,14 +7,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ...casting.aim.detours import free_pins
-from ...casting.aim.judge import COLUMNS, Judge, Judgement
-from ...casting.aim.released import Released
-from ...casting.aim.rounds import BUDGET, Budget, JudgeResult, Round, solve_in_rounds
-from ...casting.aim.survey import background_spread, spread_of
+from ...aim.detours import free_pins
+from ...aim.judge import COLUMNS, Judge, Judgement
+from ...aim.released import Released
+from ...aim.rounds import BUDGET, Budget, JudgeResult, Round, solve_in_rounds
+from ...aim.solver.problem import AimProblem, AimResult
+from ...aim.solver.start import projection_of
+from ...aim.survey import background_spread, spread_of
 from ...casting.common.cancellation import raise_if_cancelled
-from ...projection.aim.problem import AimProblem, AimResult
-from ...projection.aim.start import projection_of
 from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid

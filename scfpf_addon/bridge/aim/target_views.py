@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from mathutils import Matrix
 
-from ...projection.aim.view_map import ViewMap
+from ...aim.view_map import ViewMap
 from ...projection.typing import Array
 from ...projection.user_error import Message, UserError
 from ..blender.rig_mark import is_rig_part

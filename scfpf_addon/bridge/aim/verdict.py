@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 
-from ...casting.aim import contradictions
-from ...casting.aim.contradictions import Contradiction, find_contradiction, shown_twice
-from ...casting.aim.judge import Judgement
-from ...casting.aim.rounds import BUDGET
-from ...casting.aim.sight import free_turn
-from ...casting.aim.survey import Spread
+from ...aim import contradictions
+from ...aim.contradictions import Contradiction, find_contradiction, shown_twice
+from ...aim.judge import Judgement
+from ...aim.rounds import BUDGET
+from ...aim.sight import free_turn
+from ...aim.survey import Spread
 from ...projection.user_error import Message, UserError
 from ..blender.user_errors import translated_report
 from ..settings.aim_properties import LARGEST, VIEW

@@ -64,7 +64,7 @@ def test_a_drag_that_is_not_taken_leaves_the_volume(solved, addon, monkeypatch):
     drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
     solved.scfpf.aim_targets[0].position[0] += 0.02
     drag.step(depsgraph())
-    judge = addon("casting.aim.judge")
+    judge = addon("aim.judge")
     monkeypatch.setattr(judge.Judgement, "worse_than", lambda _self, _old: "MIRRORED")
     with pytest.raises(addon("projection.user_error").UserError, match="Not taken"):
         addon("bridge.aim.solve_work").run_through(drag.finishing(depsgraph()))

@@ -213,7 +213,7 @@ def test_a_small_thing_far_away_is_solved_at_once(camera, addon, monkeypatch):
     camera.location.y, camera.data.clip_end = -200.0, 1000.0
     bpy.context.view_layer.update()
     add_pin(camera)
-    rounds = addon("casting.aim.rounds")
+    rounds = addon("aim.rounds")
     results, right = [], rounds.solve
 
     def noted(*given):
@@ -228,7 +228,7 @@ def test_a_small_thing_far_away_is_solved_at_once(camera, addon, monkeypatch):
 
 def unmoved(addon, monkeypatch):
     """Let the solver find nothing but the start."""
-    rounds = addon("casting.aim.rounds")
+    rounds = addon("aim.rounds")
     right = rounds.solve
 
     def same(problem, is_cancelled, schedule):
@@ -272,7 +272,7 @@ def test_a_target_of_less_weight_may_yield_and_is_warned_of(camera, addon, monke
 @pytest.mark.parametrize(("name", "words"), [("mirrored", "is mirrored"), ("folded", "behind a fold")])
 def test_mirrored_and_folded_pixels_are_warned_of(camera, addon, monkeypatch, name, words):
     add_pin(camera)
-    judge = addon("casting.aim.judge")
+    judge = addon("aim.judge")
     right = judge.Judge.judgement_of
     calls = []
 

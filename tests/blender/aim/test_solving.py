@@ -136,7 +136,7 @@ def test_a_solution_that_is_worse_is_not_taken(scene, addon, monkeypatch):
     camera = turned_view(scene)
     solve(camera)
     before = points_of(camera)
-    rounds = addon("casting.aim.rounds")
+    rounds = addon("aim.rounds")
     right = rounds.solve
 
     def bad(problem, is_cancelled, schedule):

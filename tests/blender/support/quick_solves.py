@@ -6,7 +6,7 @@ import math
 
 def quicken(addon, monkeypatch, columns=64):
     """One way of solving, judged by a small image."""
-    targets, rounds = addon("bridge.aim.solve_targets"), addon("casting.aim.rounds")
+    targets, rounds = addon("bridge.aim.solve_targets"), addon("aim.rounds")
     monkeypatch.setattr(targets, "COLUMNS", columns)
     # A busy machine finds the same as an idle one.
     monkeypatch.setattr(targets, "BUDGET", math.inf)

@@ -32,7 +32,7 @@ def prepare(driver):
 
     Solves take one way, judged by a small image: these scenarios are about events.
     """
-    rounds = module("casting.aim.rounds")
+    rounds = module("aim.rounds")
     module("bridge.aim.solve_targets").COLUMNS = 64
     rounds.other_ways, rounds.MENDABLE = (lambda first: []), 0.0
     for obj in list(bpy.data.objects):
