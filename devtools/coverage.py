@@ -21,7 +21,9 @@ def test(environment: Environment, arguments: list[str]) -> int:
     """
     plan = testing.plan(arguments)
     if "pure" not in plan:
-        raise environments.Failure("--coverage is for the pure tests: tests/projection, casting, aim, shading")
+        raise environments.Failure(
+            "--coverage is for the pure tests: tests/projection, casting, aim, shading"
+        )
     install = [*environments.pip_install(), "--quiet", "-r", str(environments.REQUIREMENTS / "coverage.txt")]
     environments.run([environment.python, *install])
     report = environment.folder / "report-coverage.xml"
