@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
+from ...scfpf_addon.bridge.aim.kept_volume import camera_kept, volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.scene_box import SceneBox, scene_box
@@ -93,12 +93,13 @@ class SCFPF_OT_camera_toggle(Action, bpy.types.Operator):
 
     def act(self, context):
         camera = camera_of(context)
-        if camera.scfpf.enabled:
-            camera.scfpf.enabled = False
-        elif len(camera.scfpf.surfaces) > 0:
-            make_flexible(camera, again=True)
-        else:
-            volume_from_camera(camera, context.scene)
+        with camera_kept(camera):
+            if camera.scfpf.enabled:
+                camera.scfpf.enabled = False
+            elif len(camera.scfpf.surfaces) > 0:
+                make_flexible(camera, again=True)
+            else:
+                volume_from_camera(camera, context.scene)
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -3,36 +3,36 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import warnings
 from ..common import running
 from ..common.target import flexible_camera_of, poll_scene
+from ..common.tool import Action
 
 # Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
 TICK = 0.1
 
 
-class SCFPF_OT_engine_use(bpy.types.Operator):
+class SCFPF_OT_engine_use(Action, bpy.types.Operator):
     """Choose SCFPF as the scene's render engine and this camera as the scene's, so that F12 and animations
     show the flexible camera"""
 
     bl_idname = "scfpf.engine_use"
     bl_label = "Use SCFPF for F12"
-    bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(poll_scene)
 
-    def execute(self, context):
-        note_edit()
+    def act(self, context):
         scene, camera = context.scene, flexible_camera_of(context)
+        keep(scene, "camera")
+        keep(scene.render, "engine")
         scene.render.engine = ENGINE
         if camera is not None and camera_behind(scene.camera) != camera and camera.name in scene.objects:
             scene.camera = camera
-        self.report({"INFO"}, "F12 renders through the flexible camera with SCFPF")
-        return {"FINISHED"}
+        return "F12 renders through the flexible camera with SCFPF"
 
 
 class SCFPF_OT_engine_warn(bpy.types.Operator):

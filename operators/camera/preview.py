@@ -111,10 +111,10 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
     def _switch(self, context, camera):
         note_edit()
         source = preview_of(camera, context.scene)
-        if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
-            switch_off(source)
-            return {"FINISHED"}
         try:
+            if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
+                switch_off(source)
+                return {"FINISHED"}
             # That of another view layer is moved.
             is_new = source is None
             with switched_on(context, camera) if is_new else moved(context, source) as source:

@@ -4,17 +4,17 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
+from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.settings.stylised_styles import STYLES, apply_style
 from ..common.target import poll_scene
+from ..common.tool import Action
 
 
-class SCFPF_OT_drawn_style(bpy.types.Operator):
+class SCFPF_OT_drawn_style(Action, bpy.types.Operator):
     """Switch Drawn Style on with all settings of a style"""
 
     bl_idname = "scfpf.drawn_style"
     bl_label = "Drawn Style"
-    bl_options = {"REGISTER", "UNDO"}
 
     style: EnumProperty(
         name="Style",
@@ -35,10 +35,10 @@ class SCFPF_OT_drawn_style(bpy.types.Operator):
     def description(cls, _context, properties):
         return STYLES[properties.style].description
 
-    def execute(self, context):
-        note_edit()
+    def act(self, context):
+        keep(context.scene.scfpf_drawn)
+        keep(context.scene.view_settings, "view_transform", "look")
         apply_style(context.scene, self.style, self.plain_view)
-        return {"FINISHED"}
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_drawn_style,))

@@ -6,11 +6,12 @@ from contextlib import contextmanager
 
 from bpy.app.translations import pgettext_rpt
 
+from ...scfpf_addon.bridge.aim.kept_volume import camera_kept
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
-from .errors import refused
-from .target import flexible_camera_of, poll_flexible_camera, selected_objects
+from .errors import failed, refused
+from .target import active_object, flexible_camera_of, poll_flexible_camera, selected_objects
 
 # Steps in a list, by the property Direction.
 STEPS = {"UP": -1, "DOWN": 1}
@@ -19,19 +20,28 @@ ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "
 
 
 class Action:
-    """An operator that does ``act(context)``, which may return a line to report; bad input is reported."""
+    """An operator that does ``act(context)``, which may return a line to report, or {"CANCELLED"}.
+
+    After bad input or a bug, which are reported, the file is as before.
+    """
 
     bl_options = {"REGISTER", "UNDO"}
 
-    def act(self, context) -> str | None:
+    def act(self, context) -> str | set[str] | None:
         raise NotImplementedError
 
     def execute(self, context):
-        note_edit()
         try:
-            message = self.act(context)
+            note_edit()
+            with all_or_nothing() as kept:
+                kept.callback(_select_again, context.view_layer, *_selection(context))
+                message = self.act(context)
         except USER_ERRORS as error:
             return refused(self, error)
+        except Exception as error:
+            return failed(self, error)
+        if isinstance(message, set):
+            return message
         if message:
             self.report({"INFO"}, pgettext_rpt(message))
         return {"FINISHED"}
@@ -45,28 +55,34 @@ class Tool(Action):
     def act(self, context):
         camera = flexible_camera_of(context)
         before = {slot.object for slot in camera.scfpf.surfaces}
-        message = self.edit(context, camera)
-        made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
-        show_in_local_view(context, made)
+        with camera_kept(camera):
+            message = self.edit(context, camera)
+            made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
+            show_in_local_view(context, made)
         return message
 
 
 @contextmanager
 def wholly_made(context) -> Iterator[None]:
     """Remove the objects that the block has made, and restore selection and scene camera, if it raises."""
-    selected, active = selected_objects(context), context.view_layer.objects.active
     with all_or_nothing() as kept:
-        kept.callback(_select_again, context.view_layer, selected, active)
+        kept.callback(_select_again, context.view_layer, *_selection(context))
         kept.keep(context.scene, "camera")
         kept.keep(context.scene.scfpf_sampling, "world_shadows")
         yield
 
 
-def _select_again(view_layer, selected: list, active) -> None:
+def _selection(context) -> tuple[set[str], str]:
+    """The names of the selected objects, and of the active one or an empty text."""
+    active = active_object(context)
+    return {obj.name_full for obj in selected_objects(context)}, "" if active is None else active.name_full
+
+
+def _select_again(view_layer, selected: set[str], active: str) -> None:
     for obj in view_layer.objects:
-        if obj.select_get(view_layer=view_layer) != (obj in selected):
-            obj.select_set(obj in selected, view_layer=view_layer)
-    view_layer.objects.active = active
+        if obj.select_get(view_layer=view_layer) != (obj.name_full in selected):
+            obj.select_set(obj.name_full in selected, view_layer=view_layer)
+    view_layer.objects.active = next((obj for obj in view_layer.objects if obj.name_full == active), None)
 
 
 def plain(text: str) -> str:

@@ -4,14 +4,13 @@
 import bpy
 import numpy as np
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
-from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
-from ..common.errors import refused
 from ..common.target import editable_camera, selected_objects
+from ..common.tool import Action
 from ..common.words import report_text
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
@@ -44,13 +43,12 @@ def _description(title: str, found) -> str:
     return " · ".join(parts)
 
 
-class SCFPF_OT_find_in_image(bpy.types.Operator):
+class SCFPF_OT_find_in_image(Action, bpy.types.Operator):
     """Find the selected objects in the picture: mark them there, and draw the projector through their
     middle"""
 
     bl_idname = "scfpf.find_in_image"
     bl_label = "Find in Picture"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -61,24 +59,21 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             return False
         return True
 
-    def execute(self, context):
-        note_edit()
+    def act(self, context):
         wanted = wanted_objects(context)
         names = {obj.name for obj in wanted}
         title = wanted[0].name if len(wanted) == 1 else report_text("{0} objects", len(wanted))
         origins = _origins(wanted)
-        try:
-            camera = editable_camera(context, "")
-            uid = camera.session_uid
-            inputs = prepared_inputs(context, camera)
-            pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
-            points = points_of(inputs.scene, names)
-            points = points if points.size else origins
-            found = find(inputs.projection, inputs.scene, points, names, pixel)
-            centre = None if found is None else pick(inputs.projection, inputs.scene, *found.centre, pixel)
-        except USER_ERRORS as error:
-            return refused(self, error)
+        camera = editable_camera(context, "")
+        uid = camera.session_uid
+        inputs = prepared_inputs(context, camera)
+        pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
+        points = points_of(inputs.scene, names)
+        points = points if points.size else origins
+        found = find(inputs.projection, inputs.scene, points, names, pixel)
+        centre = None if found is None else pick(inputs.projection, inputs.scene, *found.centre, pixel)
         settings = object_by_uid(uid).scfpf
+        keep(settings)
         settings.show_found = found is not None
         if found is None:
             self.report({"WARNING"}, report_text("{0} is outside the picture", title))
@@ -86,9 +81,8 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             settings.found_box, settings.found_object = found.box, _description(title, found)
             if centre is not None:
                 store_pick(settings, *found.centre, centre)
-            self.report({"INFO"}, settings.found_object)
         redraw_interface(context.window_manager)
-        return {"FINISHED"}
+        return None if found is None else settings.found_object
 
 
 def _object_menu(menu, _context):

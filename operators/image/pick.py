@@ -4,13 +4,12 @@
 import bpy
 from bpy.props import StringProperty
 
+from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
-from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
-from ..common.errors import refused
 from ..common.target import editable_camera
+from ..common.tool import Action
 from ..common.words import report_text
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
@@ -30,18 +29,18 @@ def pick_readout(settings) -> list[str]:
 
 def store_pick(settings, x: float, y: float, found) -> None:
     """Store a ``Pick`` at a position of the image in a camera's settings, and show it."""
+    keep(settings)
     settings.pick = x, y
     settings.pick_t = -1.0 if found.t is None else found.t
     settings.pick_object, settings.pick_distance = found.object_name, found.distance
     settings.show_pick = True
 
 
-class SCFPF_OT_pick(ImageClick, bpy.types.Operator):
+class SCFPF_OT_pick(ImageClick, Action, bpy.types.Operator):
     """Click in the picture: the 3D viewport shows the projector through that pixel and what it meets"""
 
     bl_idname = "scfpf.pick"
     bl_label = "Pick Projector"
-    bl_options = {"REGISTER", "UNDO"}
     hint = "Click in the picture to pick a projector"
 
     camera: StringProperty(
@@ -52,24 +51,19 @@ class SCFPF_OT_pick(ImageClick, bpy.types.Operator):
 
     poll = classmethod(poll_no_render)
 
-    def execute(self, context):
-        note_edit()
-        try:
-            camera = editable_camera(context, self.camera)
-            uid = camera.session_uid
-            inputs = prepared_inputs(context, camera)
-            size = 1 / inputs.settings.width, 1 / inputs.settings.height
-            found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
-        except USER_ERRORS as error:
-            return refused(self, error)
+    def act(self, context):
+        camera = editable_camera(context, self.camera)
+        uid = camera.session_uid
+        inputs = prepared_inputs(context, camera)
+        size = 1 / inputs.settings.width, 1 / inputs.settings.height
+        found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
         if found is None:
             self.report({"WARNING"}, "No projector goes through that place of the picture: click elsewhere")
             return {"CANCELLED"}
         settings = object_by_uid(uid).scfpf
         store_pick(settings, self.x, self.y, found)
-        self.report({"INFO"}, " · ".join(pick_readout(settings)))
         redraw_interface(context.window_manager)
-        return {"FINISHED"}
+        return " · ".join(pick_readout(settings))
 
 
 def _image_header(header, context):

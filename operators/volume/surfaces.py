@@ -4,8 +4,6 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
-from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.camera.flexible_camera import (
     add_surface,
     attach_surface,
@@ -23,7 +21,7 @@ from ..common.target import (
     poll_slot,
     selected_objects,
 )
-from ..common.tool import STEPS, Action, Tool, select_only
+from ..common.tool import STEPS, Tool, select_only
 from .surface_placement import surface_place
 
 
@@ -66,13 +64,12 @@ class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
                     context.view_layer.objects.active = camera
 
 
-class SCFPF_OT_surface_attach(bpy.types.Operator):
+class SCFPF_OT_surface_attach(Tool, bpy.types.Operator):
     """Append the selected mesh and surface objects to the camera's control surfaces, and enter the Edit
     Volume mode"""
 
     bl_idname = "scfpf.surface_attach"
     bl_label = "Use Selected as Control Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -83,24 +80,19 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
             return False
         return True
 
-    def execute(self, context):
-        note_edit()
-        camera = flexible_camera_of(context)
-        before = camera.scfpf.edit_volume
+    def edit(self, context, camera):
         camera.scfpf.edit_volume = True
-        attached = 0
+        errors = []
         for obj in _candidates(context):
             try:
                 attach_surface(camera, obj)
-            except USER_ERRORS as error:
-                refused(self, error)
-            else:
-                attached += 1
-        if attached == 0:
-            camera.scfpf.edit_volume = before
-            return {"CANCELLED"}
+            except UserError as error:
+                errors.append(error)
+        if len(errors) == len(_candidates(context)):
+            raise errors[-1]
+        for error in errors:
+            refused(self, error)
         camera.scfpf.active_surface = len(camera.scfpf.surfaces) - 1
-        return {"FINISHED"}
 
 
 def _candidates(context):
@@ -142,7 +134,7 @@ class SCFPF_OT_surface_move(Tool, bpy.types.Operator):
         move_surface(camera, camera.scfpf.active_surface, STEPS[self.direction])
 
 
-class SCFPF_OT_surface_select(Action, bpy.types.Operator):
+class SCFPF_OT_surface_select(Tool, bpy.types.Operator):
     """Select the control surface's object and make it active; enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_select"
@@ -158,8 +150,7 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
 
     poll = classmethod(poll_slot)
 
-    def act(self, context):
-        camera = flexible_camera_of(context)
+    def edit(self, context, camera):
         settings = camera.scfpf
         index = settings.active_surface if self.index < 0 else self.index
         surface = settings.surfaces[index].object if index < len(settings.surfaces) else None

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..bridge.blender import versions
-from ..bridge.blender.all_or_nothing import Kept, all_or_nothing
+from ..bridge.blender.all_or_nothing import Kept, all_or_nothing, at_end
 from ..bridge.blender.user_errors import translated_report
 from ..bridge.render.image_size import image_size
 from ..bridge.sync.camera_sync import sync as sync_volumes
@@ -34,6 +34,7 @@ from .rig_data import (
     fit_screen,
     follow_view,
     give_back,
+    has_cycles,
     has_old_nodes,
     is_whole,
     make_rig,
@@ -133,7 +134,7 @@ def switched_on(context, camera, plan: Planned | None = None) -> Iterator:
         _hide_surfaces()
         raise
     if present is not None:
-        _remove(present, gives_back=False)
+        _remove(present)
 
 
 def _keep_settings(kept: Kept, scene, camera) -> None:
@@ -142,7 +143,8 @@ def _keep_settings(kept: Kept, scene, camera) -> None:
     for user in bpy.data.scenes:
         kept.keep(user, "camera")
     kept.keep(scene.render, "engine")
-    kept.keep(scene.cycles, *BOUNCES, "dicing_camera", "offscreen_dicing_scale")
+    if has_cycles(scene):
+        kept.keep(scene.cycles, *BOUNCES, "dicing_camera", "offscreen_dicing_scale")
     for marker in scene.timeline_markers:
         kept.keep(marker, "camera")
     for space in _viewports(scene):
@@ -201,20 +203,31 @@ def set_passes(rig, on: bool) -> None:
 
 
 def switch_off(rig) -> None:
-    """Remove a rig and all that was made for it."""
+    """Remove a rig and all that was made for it; after any error all is as before."""
     settings = rig.scfpf_rig
-    if settings.scene is not None and settings.camera is not None:
-        _look_through(settings.scene, settings.camera, False)
-    _remove(rig)
+    with all_or_nothing() as kept:
+        if settings.scene is not None and settings.camera is not None:
+            _keep_settings(kept, settings.scene, settings.camera)
+            _look_through(settings.scene, settings.camera, False)
+        give_back(rig)
+        _remove(rig)
 
 
-def _remove(rig, gives_back: bool = True) -> None:
-    """As ``switch_off``. gives_back: False if the scene's settings are those of another rig."""
+def _remove(rig) -> None:
+    """As ``switch_off``, but leave the settings of the scene."""
+    with all_or_nothing() as kept:
+        kept.callback(_hide_surfaces)
+        kept.keep(rig.scfpf_rig, "is_rig")
+        rig.scfpf_rig.is_rig = False
+        _hide_surfaces()
+        at_end(_delete, rig)
+
+
+def _delete(rig) -> None:
     _seen.pop(rig.session_uid, None)
-    remove_rig(rig, gives_back)
+    remove_rig(rig, gives_back=False)
     # The rig's camera may have been made flexible.
     sync_volumes()
-    _hide_surfaces()
 
 
 def _hide_surfaces() -> None:

@@ -83,9 +83,10 @@ def remove_generated(settings, collection, parts: list, table_key: str, others: 
     for guest in set(collection.objects) - set(parts) if collection is not None else ():
         if len(guest.users_collection) == 1 and settings.scene is not None:
             settings.scene.collection.objects.link(guest)
-    if settings.camera is not None:
-        settings.camera.pop(table_key, None)
+    camera = settings.camera
     remove_parts(collection, parts, others)
+    if camera is not None:
+        camera.pop(table_key, None)
 
 
 def remove_parts(collection, parts: list, others: Iterable = ()) -> None:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import bpy
 
 from ...projection.user_error import UserError
-from ..blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_back
+from ..blender.all_or_nothing import PLACE, Kept, all_or_nothing, at_end, put_back
 from ..blender.scene_objects import delete_with_data, object_by_uid
 from ..blender.slot_animation import (
     AIM_TARGETS,
@@ -83,9 +83,27 @@ def volume_kept(camera) -> Iterator[None]:
             kept.keep_keys(surface)
         _keep_camera(kept, camera)
         yield
+        at_end(_drop_kept, holder.session_uid, camera.session_uid, backups, actions)
+
+
+def _drop_kept(holder: int, camera: int, backups: dict, actions: set) -> None:
+    """Remove what ``volume_kept`` has kept of a camera. holder, camera: session ids."""
     bpy.data.batch_remove([*backups.values()])
-    _drop(holder, camera)
+    copy, kept = object_by_uid(holder), object_by_uid(camera)
+    if copy is not None and kept is not None:
+        _drop(copy, kept)
     bpy.data.batch_remove([action for action in actions if action.users == 0 and action.is_editable])
+
+
+@contextmanager
+def camera_kept(camera) -> Iterator[None]:
+    """Restore the settings, the lists, the place and the lens of a camera if the block raises.
+
+    Edits of its surfaces keep what they change themselves.
+    """
+    with all_or_nothing() as kept:
+        _keep_camera(kept, camera)
+        yield
 
 
 def _action_of(surface):

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All or nothing: after an error the datablocks that a block has made go, and values that it has set return.
 
-What a block deletes cannot return, so it deletes last.
+What a block deletes cannot return, so it deletes last. Code that does not know whether it runs in a block,
+such as an edit of one surface, keeps what it changes by ``keep``, ``keep_whole`` and ``way_back``, and deletes
+by ``at_end``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 
 import bpy
+from mathutils import Matrix
 
 # The collection of bpy.data whose members no block makes. Members of collections without ``remove`` belong to
 # windows or to other datablocks.
@@ -29,6 +34,8 @@ PLACE = (
 
 # The names of the datablocks that each block in progress has found, by session id.
 _found: list[dict[int, str]] = []
+# What is done at the end of the outermost block if it does not raise.
+_endings: list[Callable[[], object]] = []
 
 
 class Kept(ExitStack):
@@ -47,18 +54,83 @@ class Kept(ExitStack):
         self.callback(_set_keys, datablock, _own_keys(datablock))
 
 
+# The ways back that edits within each block in progress have noted.
+_edits: list[Kept] = []
+
+
 @contextmanager
 def all_or_nothing() -> Iterator[Kept]:
     """Remove the datablocks that the block has made, and take its way back, if it raises."""
-    names = _present_names()
+    names, first, depth = _present_names(), len(_endings), len(_edits)
     _found.append(names)
+    _edits.append(Kept())
     try:
-        with Kept() as kept:
-            kept.callback(_restore_datablocks, names)
-            yield kept
-            kept.pop_all()
+        with ExitStack() as last:
+            last.callback(_restore_datablocks, names)
+            with Kept() as kept, _edits[depth] as edits:
+                try:
+                    yield kept
+                except BaseException:
+                    # What the way back sets is not kept.
+                    _edits[depth] = Kept()
+                    raise
+                for done in (kept.pop_all(), edits.pop_all()):
+                    if depth:
+                        # The block around this one may still raise.
+                        _edits[depth - 1].callback(done.close)
+            last.pop_all()
+    except BaseException:
+        del _endings[first:]
+        raise
     finally:
         _found[:] = [other for other in _found if other is not names]
+        del _edits[depth:]
+    if not depth:
+        _end_all()
+
+
+def _end_all() -> None:
+    endings, _endings[:] = _endings[:], []
+    for ending in endings:
+        try:
+            ending()
+        except Exception:
+            # The edit is done. What is left over is used by nothing.
+            traceback.print_exc()
+
+
+def way_back(function: Callable, *args: object) -> None:
+    """Have a function called with arguments if the block in progress raises; nothing without a block."""
+    if _edits:
+        _edits[-1].callback(function, *args)
+
+
+def keep(owner, *names: str) -> None:
+    """Keep properties of an RNA struct in the block in progress, see ``Kept.keep``."""
+    if _edits:
+        _edits[-1].keep(owner, *names)
+
+
+def keep_whole(datablock) -> None:
+    """Keep a datablock, all of it, in the block in progress: a copy takes its place if the block raises.
+
+    The copy is removed at the end, after which Blender sorts the whole scene for evaluation anew.
+    """
+    if _edits:
+        backup = datablock.copy()
+        way_back(put_back, backup, datablock)
+        at_end(bpy.data.batch_remove, [backup])
+
+
+def at_end(function: Callable, *args: object) -> None:
+    """Call a function with arguments at the end of the outermost block in progress, at once without one.
+
+    It deletes what the edit has left unused: if it raises, the edit is done all the same.
+    """
+    if _edits:
+        _endings.append(partial(function, *args))
+    else:
+        function(*args)
 
 
 def put_back(backup, datablock) -> None:
@@ -120,6 +192,8 @@ def _all_values(owner) -> dict[str, object]:
 
 def _plain(value):
     """A value that does not follow its property."""
+    if isinstance(value, Matrix):
+        return value.copy()  # its rows would follow
     is_array = hasattr(value, "__len__") and not isinstance(value, (str, bpy.types.bpy_struct))
     return tuple(value) if is_array else value
 

@@ -11,8 +11,11 @@ from collections.abc import Iterator, Mapping
 from typing import NoReturn
 
 from ...projection.user_error import UserError
+from .all_or_nothing import at_end, way_back
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
+# The path of curves of removed items, until they are removed.
+REMOVED = "scfpf.removed"
 SURFACES, MAPPINGS, AIM_TARGETS, LAYERS = "surfaces", "mappings", "aim_targets", "layers"
 BLEND_MORE = "blend_more"
 # The property of ``Object.scfpf`` with the index of each list's active item.
@@ -94,8 +97,11 @@ def _renumber(camera, name: str, places: Mapping[int, int]) -> None:
             if found is None or found[1] != name:
                 continue
             old = int(found[2])
+            if places.get(old) != old:
+                way_back(setattr, curve, "data_path", curve.data_path)
             if old not in places:
-                curves.remove(curve)
+                curve.data_path = REMOVED
+                at_end(curves.remove, curve)
             elif places[old] != old:
                 curve.data_path = f"scfpf.{name}[{places[old]}]" + curve.data_path[found.end() :]
 

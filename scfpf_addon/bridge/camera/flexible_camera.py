@@ -13,6 +13,7 @@ from mathutils import Matrix
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import at_end, keep
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import (
@@ -174,6 +175,7 @@ def _take_kind(surface) -> None:
     """Give an object without a kind the kind that fits its type and its UV map."""
     if surface.scfpf_surface.kind != "NONE" or not surface.is_editable:
         return
+    keep(surface.scfpf_surface, "kind")
     if surface.type == "SURFACE":
         surface.scfpf_surface.kind = nurbs_object.KIND
     elif surface.type == "LATTICE":
@@ -189,7 +191,7 @@ def _delete_if_unused(camera, surface) -> None:
     if cameras_with(surface) or surface.parent != camera or not surface.is_editable:
         edit_mode.release(surface)
         return
-    delete_with_data(surface)
+    at_end(delete_with_data, surface)
 
 
 def remove_surface(camera, index: int) -> None:

@@ -16,6 +16,7 @@ from ...projection.typing import Array
 from ...projection.user_error import UserError
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.viewing_volume import ViewingVolume
+from ..blender.all_or_nothing import at_end, keep, keep_whole, way_back
 from ..blender.mesh_grid import checked_grid, grid_points, write_grid
 from ..blender.rig_mark import has_other_animation
 from ..blender.scene_objects import delete_with_data, editable_collections, link_beside
@@ -138,7 +139,11 @@ def _become_grid(camera, surface, points) -> None:
         return
     points = checked_grid(points)  # before anything has changed
     if surface.data.users > 1:
+        keep(surface, "data")
         surface.data = surface.data.copy()
+    else:
+        keep_whole(surface.data)
+    keep(surface.scfpf_surface, "kind")
     surface.scfpf_surface.kind = "GRID"
     write_grid(surface.data, points)
     surface.update_tag()
@@ -161,6 +166,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     new = surface_object.new_surface(name, kind, parameters, points)
     for attribute in PLACEMENT:
         setattr(new, attribute, getattr(surface, attribute))
+    collections = editable_collections(surface)
     link_beside(new, surface)
     for slot in camera.scfpf.surfaces:
         if slot.object == surface:
@@ -171,16 +177,26 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
         edit_mode.release(surface)
     else:
         # Otherwise the remapping would link the new object there twice.
-        for collection in editable_collections(surface):
+        for collection in collections:
             collection.objects.unlink(surface)
+        way_back(_put_again, surface, new, collections)
         surface.user_remap(new)
-        delete_with_data(surface)
-    new.name = name
+        at_end(delete_with_data, surface)
+        at_end(setattr, new, "name", name)
     if new.name in layer.objects:
         new.select_set(selected, view_layer=layer)
         if active:
             layer.objects.active = new
     return new
+
+
+def _put_again(surface, new, collections: list) -> None:
+    """Put a surface into its collections, and in the place of its replacement."""
+    for collection in collections:
+        if new.name in collection.objects:
+            collection.objects.unlink(new)
+        collection.objects.link(surface)
+    new.user_remap(surface)
 
 
 def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
@@ -230,6 +246,7 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
     _require_plain_points(surface)
     if kind == nurbs_object.KIND:
         patch = refined(nurbs_object.own_patch(surface), along_u, along_v)
+        keep(surface, "data")
         nurbs_object.replace_net(surface, patch)
         rows, columns = np.shape(patch.points)[:2]
         return columns, rows

@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ...projection.editing.volume_edits import mirrored
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import PLACE, keep, keep_whole
 from ..blender.rig_mark import has_other_animation
 from ..surfaces import lattice_object, nurbs_object
 from ..surfaces.kinds import BLENDER_KINDS, MESH_KINDS, PARAMETRIC_KINDS
@@ -46,7 +47,7 @@ def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
         )
     if kind == nurbs_object.KIND:
         order = nurbs_object.reversed_order(surface, axis)
-        return partial(nurbs_object.reorder, surface, order, axis)
+        return partial(_mirror_net, surface, order, axis)
     if kind == lattice_object.KIND:
         if surface.modifiers or surface.data.shape_keys is not None or has_other_animation(surface):
             raise UserError(
@@ -88,19 +89,30 @@ def _parametric_mirror(surface, depsgraph, axis: str) -> Callable[[], None]:
         )
 
     def mirror():
+        keep(surface, *PLACE)
         surface.matrix_basis = placed
         set_surface_parameters(surface, parameters)
 
     return mirror
 
 
+def _mirror_net(surface, order, axis: str) -> None:
+    keep_whole(surface.data)
+    nurbs_object.reorder(surface, order, axis)
+
+
 def _mirror_lattice(surface, axis: str) -> None:
+    keep(surface, *PLACE)
+    keep_whole(surface.data)
     surface.matrix_basis = surface.matrix_basis @ Matrix(lattice_object.mirror(surface, axis).tolist())
 
 
 def _mirror_uv(surface, axis: int) -> None:
     if surface.data.users > 1:
+        keep(surface, "data")
         surface.data = surface.data.copy()
+    else:
+        keep_whole(surface.data)
     layer = surface.data.uv_layers.active
     # Setting ``layer.uv`` in Blender 4.5 also changes the mesh's copies and its undo steps.
     uv = surface.data.attributes[layer.name].data

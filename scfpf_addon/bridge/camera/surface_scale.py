@@ -16,6 +16,7 @@ from ...projection.editing.volume_edits import scaled
 from ...projection.file_values import LARGEST_LENGTH
 from ...projection.typing import Array
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import PLACE, keep
 from ..blender.rig_mark import has_other_animation
 from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.surface_object import is_reshaped, set_surface_parameters, surface_parameters
@@ -72,6 +73,7 @@ def apply_scale(camera, index: int) -> None:
     (surface,) = editable_surfaces(camera, [index])
     factors = whole_scale(surface)
     parameters = _scaled_parameters(surface, factors)
+    keep(surface, *PLACE, "delta_scale", "matrix_parent_inverse")
     set_surface_parameters(surface, parameters)
     before = np.array(surface.matrix_basis, np.float64)
     surface.scale = [
@@ -125,6 +127,7 @@ def grow(surface, factor: float) -> bool:
     sizes = scaled(kind, surface_parameters(surface), [factor] * 3)
     if max(sizes.values(), default=0.0) > LARGEST_LENGTH:
         return False
+    keep(surface, "location", "matrix_parent_inverse")
     set_surface_parameters(surface, sizes)
     place = surface.matrix_basis.translation
     surface.location = factor * place - surface.delta_location
@@ -138,4 +141,5 @@ def grow(surface, factor: float) -> bool:
 def _keep_children(surface, own: Array) -> None:
     """Keep the children of a surface in place when the (4, 4) scale ``own`` moves from it into its sizes."""
     for child in surface.children:
+        keep(child, "matrix_parent_inverse")
         child.matrix_parent_inverse = Matrix(own.tolist()) @ child.matrix_parent_inverse

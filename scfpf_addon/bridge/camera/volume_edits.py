@@ -9,6 +9,7 @@ from mathutils import Matrix, Vector
 
 from ...projection.editing.volume_edits import inserted
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import PLACE, all_or_nothing, keep
 from ..blender.scene_objects import link_beside
 from ..blender.slot_animation import SURFACES, move_slot, require_own_items
 from ..mappings.mapping_edits import own_mapping_data
@@ -55,7 +56,8 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
     if insertion.replaced:
         require_own_items(camera.scfpf, SURFACES)
     first, shapes = insertion.first, insertion.shapes
-    try:
+    with all_or_nothing() as kept:
+        kept.keep(camera.scfpf)
         for place, shape in enumerate(shapes, first):
             add_surface(
                 camera,
@@ -65,16 +67,12 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
                 points=shape.points,
                 index=place,
             )
-    except Exception:
-        while len(slots) > len(volume.surfaces):
-            remove_surface(camera, first)
-        raise
-    for _ in range(insertion.replaced):
-        remove_surface(camera, first + len(shapes))
-    if insertion.weights is not None:
-        for slot, weight in zip(slots, insertion.weights, strict=True):
-            slot.weight = weight
-    camera.scfpf.active_surface = min(max(index, first), first + len(shapes) - 1)
+        for _ in range(insertion.replaced):
+            remove_surface(camera, first + len(shapes))
+        if insertion.weights is not None:
+            for slot, weight in zip(slots, insertion.weights, strict=True):
+                slot.weight = weight
+        camera.scfpf.active_surface = min(max(index, first), first + len(shapes) - 1)
     return all(shape.exact for shape in shapes)
 
 
@@ -129,6 +127,7 @@ def snap_near_to_view(camera, view: ViewportView) -> None:
             depth = surface_parameters(surface)["width"] * abs(scale.x) / (2 * view.half_width)
         elif kind.record.turns_about_y or not kind.parameters:
             depth = 0.0
+    keep(surface, *PLACE)
     rotation = view.matrix.to_quaternion()
     location = view.matrix @ Vector((0.0, 0.0, -depth))
     surface.matrix_world = Matrix.LocRotScale(location, rotation, scale)
@@ -138,6 +137,7 @@ def align_surface(camera, index: int, target, location: bool, rotation: bool) ->
     """Give a surface another object's location, rotation or both; its scale stays."""
     (surface,) = editable_surfaces(camera, [index])
     place, turn, scale = surface.matrix_world.decompose()
+    keep(surface, *PLACE)
     other_place, other_turn, _ = target.matrix_world.decompose()
     surface.matrix_world = Matrix.LocRotScale(
         other_place if location else place, other_turn if rotation else turn, scale
@@ -155,6 +155,7 @@ def make_single_user(camera) -> int:
             own = _own_copy(camera, surface)
             copied += 1
         if own.data.users > 1:
+            keep(own, "data")
             own.data = own.data.copy()
             copied += 1
     copied += own_mapping_data(camera)

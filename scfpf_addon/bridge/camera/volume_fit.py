@@ -14,6 +14,7 @@ from mathutils import Matrix, Vector
 from ...projection.user_error import UserError
 from ...projection.volume.inverse import invert
 from ...projection.volume.reparameterisation import cropped_ranges
+from ..blender.all_or_nothing import PLACE, keep
 from .flexible_camera import editable_surfaces
 from .read_projection import read_own_projection
 from .shown_lens import approximate_lens
@@ -36,6 +37,7 @@ def move_volume(camera, matrix) -> None:
     """
     move = Matrix(np.asarray(matrix, np.float64).tolist())
     for surface in _children(camera):
+        keep(surface, "matrix_parent_inverse")
         surface.matrix_parent_inverse = move @ surface.matrix_parent_inverse
 
 
@@ -117,7 +119,9 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
     sizes = np.diag([scale, scale, scale, 1.0])
     for surface in surfaces:
         if not grow(surface, scale):
+            keep(surface, "matrix_parent_inverse")
             surface.matrix_parent_inverse = Matrix(sizes.tolist()) @ surface.matrix_parent_inverse
+    keep(camera, *PLACE)
     place = camera.matrix_world.copy()
     place.translation = Vector(centre - world[:3, :3] @ (scale * middle[:, 0]))
     camera.matrix_world = place

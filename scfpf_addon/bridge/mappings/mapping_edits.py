@@ -10,6 +10,7 @@ import numpy as np
 
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, MAXIMUM_MAPPINGS
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import at_end
 from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import MAPPINGS, clear_slots, remove_slot
@@ -133,11 +134,11 @@ def clear_mappings(camera) -> None:
 
 def _remove_unused(camera, curve, grid) -> None:
     if curve is not None and curve.users == 0 and curve.is_editable:
-        bpy.data.node_groups.remove(curve)
+        at_end(bpy.data.node_groups.remove, curve)
     if grid is None or grid.parent != camera or not grid.is_editable:
         return
     if not cameras_with(grid, grids_of):
-        delete_with_data(grid)
+        at_end(delete_with_data, grid)
 
 
 def write_mappings(camera, mappings) -> None:

@@ -19,6 +19,7 @@ from ...projection.surfaces.kinds import FEWEST_NURBS_POINTS, SURFACE_KINDS
 from ...projection.surfaces.nurbs import NurbsAxis, NurbsPatch, fitted_points
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import at_end
 
 KIND = "NURBS"
 TITLE = SURFACE_KINDS[KIND].title
@@ -161,8 +162,8 @@ def replace_net(surface, patch: NurbsPatch) -> None:
     name = before.name
     surface.data = data
     if before.users == 0:
-        bpy.data.curves.remove(before)
-        data.name = name
+        at_end(bpy.data.curves.remove, before)
+        at_end(setattr, data, "name", name)
 
 
 def reversed_order(surface, axis: str):

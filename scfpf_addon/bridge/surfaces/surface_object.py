@@ -18,6 +18,7 @@ from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.user_error import UserError
 from ..blender import versions
+from ..blender.all_or_nothing import way_back
 from ..blender.mesh_grid import checked_grid, grid_points, write_grid
 from ..blender.scene_objects import delete_with_data
 from .kinds import BLENDER_KINDS, MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
@@ -92,11 +93,22 @@ def take_kind(surface) -> None:
                 points = checked_grid(
                     shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
                 )
+        place = list(surface.modifiers).index(modifier)
+        way_back(_take_again, surface, place, modifier.name, modifier.node_group, values)
         surface.modifiers.remove(modifier)
         if surface.data.users > 1:
             # Of a linked duplicate (Alt-D): the mesh was empty so far, the other's shape is its modifier's.
             surface.data = surface.data.copy()
         write_grid(surface.data, points)
+
+
+def _take_again(surface, place: int, name: str, group, values: dict) -> None:
+    """Give a surface the node modifier that it had at a place, with its name, group and values by label."""
+    modifier = surface.modifiers.new(name, "NODES")
+    surface.modifiers.move(len(surface.modifiers) - 1, place)
+    modifier.node_group = group
+    for label, identifier in group_inputs(group).items():
+        versions.set_modifier_input(modifier, identifier, values[label])
 
 
 def _own_modifier(surface):
@@ -210,6 +222,8 @@ def set_surface_parameters(surface, parameters: dict) -> None:
             )
         taken[identifiers[given.label]] = type(given.default)(value)
     for identifier, value in taken.items():
+        before = versions.modifier_input(modifier, identifier)
+        way_back(versions.set_modifier_input, modifier, identifier, before)
         versions.set_modifier_input(modifier, identifier, value)
     surface.update_tag()
 

@@ -9,6 +9,7 @@ cover the lines of the overlay. A dense mesh remains a box in the mode.
 from __future__ import annotations
 
 from ...projection.user_error import UserError
+from ..blender.all_or_nothing import keep
 from .camera_members import all_cameras, cameras_with, surfaces_of
 
 # Meshes of more faces are always boxes: their wires would be less than a dozen pixels apart.
@@ -53,6 +54,7 @@ def _is_edited(cameras) -> bool:
 
 
 def _show(surface, hide_select: bool, in_front: bool) -> None:
+    keep(surface, "hide_select", "show_in_front", "display_type")
     if surface.hide_select != hide_select:
         surface.hide_select = hide_select
     if surface.show_in_front != in_front:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ...bridge.blender import versions
-from ...bridge.blender.all_or_nothing import all_or_nothing
+from ...bridge.blender.all_or_nothing import all_or_nothing, at_end
 from ...bridge.blender.draw_handler import DrawHandler
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.scene.read_materials import volume_only_materials
@@ -137,8 +137,8 @@ def show(context, source) -> None:
 
 def switch_off(source) -> None:
     """Close a preview's viewports, and remove all that was made for it."""
-    _close_viewports(source)
-    _remove(source)
+    at_end(_close_viewports, source)
+    at_end(_remove, source)
 
 
 def _close_viewports(source) -> None:

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything in a file and its handlers, to be compared before and after; and faults between."""
 
+import gc
 import hashlib
 import inspect
+import sys
 from contextlib import contextmanager
+from types import FunctionType
 
 import bpy
 import numpy as np
+import pytest
 
 # Statistics, counts of edits, and what Blender itself changes when anything is evaluated.
 VOLATILE = {"rna_type", "is_evaluated", "users", "session_uid", "statistics", "scfpf_edits"}
@@ -16,6 +20,9 @@ SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 class Fault(Exception):
     """Raised by ``fault_in``."""
 
+
+# Images of a render that is done: a later fault does not take it back.
+RESULTS = {"Render Result", "SCFPF Render"}
 
 # What the code that stands for a function's calls, by the function's name.
 FAULTS = {}
@@ -30,7 +37,13 @@ def file_state():
         members = getattr(bpy.data, prop.identifier)
         found[prop.identifier] = sorted(member.name_full for member in members)
     for scene in bpy.data.scenes:
-        for label, owner in (("", scene), (".render", scene.render), (".cycles", scene.cycles)):
+        parts = (
+            ("", scene),
+            (".render", scene.render),
+            (".cycles", scene.cycles),
+            (".view", scene.view_settings),
+        )
+        for label, owner in parts:
             found[f"{scene.name}{label}"] = values_of(owner)
         found[f"{scene.name} markers"] = [(m.name, m.frame, _name(m.camera)) for m in scene.timeline_markers]
         is_old = bpy.app.version < (5, 0, 0)
@@ -47,12 +60,13 @@ def file_state():
             values_of(collection),
         )
     for obj in bpy.data.objects:
-        drivers = obj.animation_data.drivers if obj.animation_data else ()
+        animation = obj.animation_data
         found[f"object {obj.name_full}"] = {
             "data": _name(obj.data),
             "keys": sorted(key for key in obj.keys() if key not in obj.bl_rna.properties),
-            "drivers": sorted((curve.data_path, curve.array_index) for curve in drivers),
-            "modifiers": [(m.name, m.type) for m in obj.modifiers],
+            "drivers": _curves(animation.drivers if animation else ()),
+            "action": (_name(animation.action), _curves(_action_curves(animation))) if animation else None,
+            "modifiers": [(m.name, m.type, _inputs(m)) for m in obj.modifiers],
             "values": values_of(obj),
             "shape": _shape(obj.data),
         }
@@ -65,6 +79,36 @@ def file_state():
     return found
 
 
+def _curves(curves):
+    keys = (
+        (curve.data_path, curve.array_index, [tuple(p.co) for p in curve.keyframe_points]) for curve in curves
+    )
+    return sorted(keys)
+
+
+def _action_curves(animation):
+    if animation.action is None or animation.action_slot is None:
+        return ()
+    strips = (strip for layer in animation.action.layers for strip in layer.strips)
+    bags = (strip.channelbag(animation.action_slot) for strip in strips)
+    return [curve for bag in bags if bag is not None for curve in bag.fcurves]
+
+
+def _inputs(modifier):
+    """The group of a node modifier and the values of its inputs."""
+    if modifier.type != "NODES" or modifier.node_group is None:
+        return None
+    sockets = [item for item in modifier.node_group.interface.items_tree if item.item_type == "SOCKET"]
+    names = [socket.identifier for socket in sockets if socket.in_out == "INPUT"]
+    if bpy.app.version >= (5, 2, 0):
+        values = {name: getattr(modifier.properties.inputs, name, None) for name in names}
+        values = {name: getattr(value, "value", None) for name, value in values.items()}
+    else:
+        values = {name: modifier.get(name) for name in names}
+    plain = {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
+    return modifier.node_group.name, plain
+
+
 def values_of(owner):
     """The plain values of an RNA struct, with the names of datablocks and the members of its lists."""
     found = {}
@@ -74,7 +118,9 @@ def values_of(owner):
             continue
         if prop.type in SIMPLE:
             value = getattr(owner, name)
-            found[name] = repr(value[:]) if getattr(prop, "is_array", False) else repr(value)
+            # A zero may have got a sign.
+            text = repr(value[:]) if getattr(prop, "is_array", False) else repr(value)
+            found[name] = text.replace("-0.0,", "0.0,").replace("-0.0)", "0.0)")
         elif prop.type == "POINTER":
             value = getattr(owner, name)
             if isinstance(value, bpy.types.PropertyGroup):
@@ -98,7 +144,10 @@ def _layers(layer):
 def _shape(data):
     if isinstance(data, bpy.types.Mesh):
         materials = [_name(m) for m in data.materials]
-        return _points(data.vertices), len(data.polygons), materials, _keys(data.shape_keys)
+        maps = [_digest(layer.uv, "vector", 2) for layer in data.uv_layers]
+        return _points(data.vertices), len(data.polygons), materials, maps, _keys(data.shape_keys)
+    if isinstance(data, bpy.types.Lattice):
+        return _digest(data.points, "co_deform", 3), data.points_u, data.points_v, data.points_w
     if isinstance(data, bpy.types.Curve):
         points = [tuple(p.co) for spline in data.splines for p in spline.points]
         return points, _keys(data.shape_keys)
@@ -107,9 +156,14 @@ def _shape(data):
 
 def _points(vertices):
     """The number of vertices or points of a shape key, and a digest of where they are."""
-    values = np.empty(3 * len(vertices), np.float32)
-    vertices.foreach_get("co", values)
-    return len(vertices), hashlib.sha256(values.tobytes()).hexdigest()[:8]
+    return _digest(vertices, "co", 3)
+
+
+def _digest(items, name, size):
+    """The number of items, and a digest of a property of theirs."""
+    values = np.empty(size * len(items), np.float32)
+    items.foreach_get(name, values)
+    return len(items), hashlib.sha256(values.tobytes()).hexdigest()[:8]
 
 
 def _keys(keys):
@@ -160,3 +214,76 @@ def fault_in(function):
     finally:
         own.__code__ = code
         del FAULTS[own.__qualname__]
+
+
+def function_of(addon, path):
+    """A function by its path in the extension, through classes."""
+    parts = path.split(".")
+    for count in range(len(parts) - 1, 0, -1):
+        try:
+            found = addon(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for name in parts[count:]:
+            found = getattr(found, name)
+        return found
+    raise AssertionError(path)
+
+
+def settled_state():
+    bpy.context.view_layer.update()
+    state = file_state()
+    state["images"] = [name for name in state["images"] if name not in RESULTS]
+    return state
+
+
+def require_all_or_nothing(addon, case, setup, action, steps, after_setup=lambda: None):
+    """Assert that an action leaves the file as it was after a fault in each function, and then is done.
+
+    setup: called with ``addon``. steps: paths of functions in the extension, with spaces between.
+    """
+    setup(addon)
+    after_setup()
+    before, traces = settled_state(), []
+    for step in steps.split():
+        with fault_in(function_of(addon, step)) as happened, pytest.raises(RuntimeError) as raised:
+            action()
+        assert happened, f"{case} does not call {step}"
+        if "everything is as before" not in str(raised.value) and "Traceback" in str(raised.value):
+            traces.append((step, "a traceback"))
+        if found := differences(before, settled_state()):
+            traces.append((step, [text[:200] for text in found[:6]]))
+            before = settled_state()
+    assert traces == []
+    assert action() == {"FINISHED"}
+
+
+def called_functions(root, action):
+    """The functions below a folder that an operator calls, in the order of their first calls.
+
+    Those that need values of an enclosing function, and generators' parts, are left out.
+    """
+    seen = {}
+
+    def note(frame, event, _argument):
+        code = frame.f_code
+        if event == "call" and code not in seen and code.co_filename.startswith(root):
+            seen[code] = _is_within(frame, "act")
+
+    sys.setprofile(note)
+    try:
+        assert action() == {"FINISHED"}
+    finally:
+        sys.setprofile(None)
+    functions = {each.__code__: each for each in gc.get_objects() if type(each) is FunctionType}
+    wanted = [code for code, is_within in seen.items() if is_within and not code.co_freevars]
+    return [functions[code] for code in wanted if code in functions and "<" not in code.co_qualname]
+
+
+def _is_within(frame, name):
+    """Return whether a frame is called by a function with a name."""
+    while frame.f_back is not None:
+        frame = frame.f_back
+        if frame.f_code.co_name == name:
+            return True
+    return False
