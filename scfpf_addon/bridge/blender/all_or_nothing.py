@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All or nothing: after an error the datablocks that a block has made go, and values that it has set return.
 
-What a block deletes cannot return, so it deletes last. Code that does not know whether it runs in a block,
-such as an edit of one surface, keeps what it changes by ``keep``, ``keep_whole`` and ``way_back``, and deletes
-by ``at_end``.
+What a block deletes cannot return, so it deletes last. An edit that does not know whether it runs in a block
+keeps what it changes by ``keep``, ``keep_whole`` and ``way_back``, and deletes by ``at_end``.
 """
 
 from __future__ import annotations
