@@ -232,3 +232,22 @@ def test_the_recipe_of_blur_by_depth_is_that_of_an_ordinary_camera(addon, camera
     found = defocused(compositor()[0].nodes["SCFPF Passes"])
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert np.abs(expected - sharp).mean() > 0.01
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_the_recipe_works_with_the_engines_own_depth(addon, camera, lens):
+    """Defocus fed with Depth by SCFPF's engine, and with that by Cycles; a pixel of an edge may differ."""
+    scene = bpy.context.scene
+    for name, value in LENSES[lens].items():
+        setattr(camera.data, name, value)
+    shining()
+    bpy.context.view_layer.use_pass_z = True
+    addon("bridge.blender.versions").compositor_tree(scene, "scfpf_test")
+    node = next(each for each in compositor()[0].nodes if each.type == "R_LAYERS")
+    expected, sharp = defocused(node), f12(scene)["ViewLayer.Combined"]
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    scene.render.engine, camera.scfpf.samples = "SCFPF", 1
+    found = defocused(node)
+    off = np.abs(found - expected)[..., :3].max(axis=2)
+    assert (off > 1e-3).mean() < 0.005
+    assert np.abs(expected - sharp).mean() > 0.01
