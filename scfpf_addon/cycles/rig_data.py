@@ -66,6 +66,8 @@ CYCLES = "CYCLES"
 BOUNCES = "transparent_max_bounces", "min_transparent_bounces"
 # Inputs of the modifier that depend on the sheets.
 WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes", "Along Axis")
+# Those that place the screen.
+SCREEN_INPUTS = ("Width", "Distance", "Away", "Parallel")
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
@@ -473,7 +475,7 @@ def sheets_kept(rig) -> Iterator[None]:
     mesh = portal_object.data
     identifiers = input_identifiers(modifier.node_group)
     # Nodes of another version may lack some.
-    present = [name for name in WRITTEN_INPUTS if name in identifiers]
+    present = [name for name in WRITTEN_INPUTS + SCREEN_INPUTS if name in identifiers]
     inputs = {name: versions.modifier_input(modifier, identifiers[name]) for name in present}
     backup = mesh.copy()
     try:
