@@ -2,7 +2,8 @@
 """An estimate of the light that images lack: that of glowing things on others, and bounces between things.
 
 It is made at some places that the image shows, before it is rendered. Only the largest triangles are cast at:
-walls are large, and the estimate need not be finer.
+walls are large, and the estimate need not be finer. What glows counts as far as it is seen from the places:
+smaller triangles near to it, such as a lamp's shade, cast shadows then as well.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ from .vectors import dot
 ACROSS, UPWARD, RAYS, LARGEST = 24, 16, 16, 20_000
 # Triangles whose areas are computed at once, and the most glowing ones whose light is summed.
 AT_ONCE, MOST_GLOWING = 1 << 18, 512
+# A share of glow that is worth a look at its shadows, and rays from each place to what glows. Besides the
+# largest triangles, so many cast shadows that are closer to it than a share of its usual distance.
+WORTH, GLOW_RAYS, NEAR_SHARE, MOST_NEAR = 0.05, 16, 0.1, 50_000
 # The most lamps, the brightest, and rows of the world's map.
 MOST_LAMPS, WORLD_ROWS = 16, 8
 # Fewer places tell nothing.
@@ -82,12 +86,22 @@ def missing_light(scene: Scene, projection: Projection) -> MissingLight:
     if places is None:
         return MissingLight()
     hidden = _hidden(places, glows.take(places.numbers))
-    own = np.zeros_like(hidden)
+    others = _world_irradiance(scene) * (1.0 - hidden) + _lamp_irradiance(scene, places)
+    own, glow = np.zeros_like(hidden), 0.0
     if glows.any():
-        own = _glow_irradiance(scene.geometry, radiance, glows, places)
-    total = own + _world_irradiance(scene) * (1.0 - hidden) + _lamp_irradiance(scene, places)
-    glow = np.divide(own, total, out=np.zeros_like(own), where=total > 0.0)
-    return MissingLight(float(glow.mean()), float(hidden.mean()), bool(total.any()))
+        glowing = _Glowing.of(scene.geometry, radiance, glows, places)
+        own = glowing.arriving.sum(axis=1)
+        glow = _mean_share(own, others)
+        if glow > WORTH:
+            own = own * _seen_shares(scene, places, glowing)
+            glow = _mean_share(own, others)
+    return MissingLight(glow, float(hidden.mean()), bool((own + others).any()))
+
+
+def _mean_share(own: Array, others: Array) -> float:
+    """The mean share of ``own`` (N,) in the sum of both."""
+    total = own + others
+    return float(np.divide(own, total, out=np.zeros_like(own), where=total > 0.0).mean())
 
 
 def _places(geometry: Geometry, projection: Projection, glows: BoolArray) -> _Places | None:
@@ -180,29 +194,128 @@ def _hidden(places: _Places, glows: BoolArray) -> Array:
     return met / RAYS
 
 
-def _glow_irradiance(geometry: Geometry, radiance: Array, glows: BoolArray, places: _Places) -> Array:
-    """The irradiance (N,) of glowing triangles, without shadows; both sides glow.
+class _Glowing(NamedTuple):
+    """G glowing triangles, and the irradiance of each at N places, without shadows; both sides glow.
 
-    radiance: (M,) of materials. glows: (T,) of triangles.
+    corners: (3, G, 3), in the space of the geometry. arriving: (N, G). distance: the mean distance of what
+    arrives, in the space of the geometry.
     """
-    which = np.flatnonzero(glows)
-    share = 1.0
-    if len(which) > MOST_GLOWING:
-        share = len(which) / MOST_GLOWING
-        which = np.sort(np.random.default_rng(0).choice(which, MOST_GLOWING, replace=False))
-    corners = _corners(geometry, which)
-    # In cast space, where lengths are relative: areas and squares of distances are so alike.
-    middle = (sum(corners) / 3.0 - places.scene.centre).T * places.scene.scale
-    across = np.cross(corners[1] - corners[0], corners[2] - corners[0]).T * 0.5 * places.scene.scale**2
-    area = np.linalg.norm(across, axis=0)
-    power = radiance.take(geometry.material.take(which)) * share
-    way = middle[:, None] - places.position[:, :, None]
-    square = np.einsum("cng,cng->ng", way, way)
-    received = np.maximum(np.einsum("cng,cn->ng", way, places.normal), 0.0)
-    sent = np.abs(np.einsum("cng,cg->ng", way, across))
-    # A triangle's own area bounds the light near to it.
-    arriving: Array = (power * received * sent / np.maximum(square * (square + area), 1e-30)).sum(axis=1)
-    return arriving
+
+    corners: Array
+    arriving: Array
+    distance: float
+
+    @classmethod
+    def of(cls, geometry: Geometry, radiance: Array, glows: BoolArray, places: _Places) -> _Glowing:
+        """Some of the glowing triangles. radiance: (M,) of materials. glows: (T,) of triangles."""
+        which = np.flatnonzero(glows)
+        share = 1.0
+        if len(which) > MOST_GLOWING:
+            share = len(which) / MOST_GLOWING
+            which = np.sort(np.random.default_rng(0).choice(which, MOST_GLOWING, replace=False))
+        corners = np.stack(_corners(geometry, which))
+        # In cast space, where lengths are relative: areas and squares of distances are so alike.
+        middle = (corners.mean(axis=0) - places.scene.centre).T * places.scene.scale
+        across = np.cross(corners[1] - corners[0], corners[2] - corners[0]).T * 0.5 * places.scene.scale**2
+        area = np.linalg.norm(across, axis=0)
+        power = radiance.take(geometry.material.take(which)) * share
+        way = middle[:, None] - places.position[:, :, None]
+        square = np.einsum("cng,cng->ng", way, way)
+        received = np.maximum(np.einsum("cng,cn->ng", way, places.normal), 0.0)
+        sent = np.abs(np.einsum("cng,cg->ng", way, across))
+        # A triangle's own area bounds the light near to it.
+        arriving: Array = power * received * sent / np.maximum(square * (square + area), 1e-30)
+        total = arriving.sum()
+        mean = float((arriving * np.sqrt(square)).sum() / total) if total > 0.0 else 0.0
+        return cls(corners, arriving, mean / places.scene.scale)
+
+
+def _seen_shares(scene: Scene, places: _Places, glowing: _Glowing) -> Array:
+    """The shares (N,) of the glow's light at places that nothing hides."""
+    whole, blockers, numbers = _blockers(scene, places, glowing)
+    if blockers is None:
+        return np.ones(len(glowing.arriving))
+    outward = places.position / places.scene.scale + places.scene.centre[:, None]
+    position = (outward - whole.centre[:, None]) * whole.scale
+    triangle = np.searchsorted(numbers, places.numbers.take(places.triangle))
+    generator, count = np.random.default_rng(0), len(glowing.arriving)
+    sums = np.cumsum(glowing.arriving, axis=1)
+    seen = np.zeros(count)
+    for number in range(GLOW_RAYS):
+        # A triangle by its share in the light, and a place on it.
+        part = (number + generator.random(count)) / GLOW_RAYS * sums[:, -1]
+        aim = np.minimum((sums < part[:, None]).sum(axis=1), sums.shape[1] - 1)
+        weights = generator.exponential(size=(3, count))
+        weights /= weights.sum(axis=0)
+        target = np.einsum("kn,knc->cn", weights, glowing.corners.take(aim, axis=1))
+        way = (target - whole.centre[:, None]) * whole.scale - position
+        distance = np.maximum(np.linalg.norm(way, axis=0), 1e-12)
+        direction = way / distance
+        origin = whole.offset_origins(position, triangle, direction)
+        seen += ~blockers.occluded(origin, direction, distance)
+    return seen / GLOW_RAYS
+
+
+def _blockers(
+    scene: Scene, places: _Places, glowing: _Glowing
+) -> tuple[CastScene, CastScene | None, IndexArray]:
+    """The largest triangles and those near to what glows, those of them that cast shadows, and their numbers.
+
+    Triangles whose material lets light through cast none. numbers: (K,) in the geometry, in order.
+    """
+    geometry = scene.geometry
+    near = _near(geometry, glowing.corners.mean(axis=0), NEAR_SHARE * glowing.distance)
+    numbers = np.union1d(places.numbers, near)
+    used, triangles = renumbered(geometry.triangles.take(numbers, axis=0), len(geometry.vertices))
+    whole = CastScene(geometry.vertices.take(used, axis=0), triangles)
+    blocks = ~_clear(scene).take(geometry.material.take(numbers))
+    rays = geometry.visibility
+    if rays is not None:
+        casting = visible_to(rays.take(numbers), SHADOW)
+        blocks = blocks if casting is None else blocks & casting
+    return whole, whole.only(blocks), numbers
+
+
+def _clear(scene: Scene) -> BoolArray:
+    """Return whether each material (M,) lets light through."""
+    found: BoolArray = np.zeros(len(scene.materials.metallic), bool)
+    for number, graph in scene.materials.graphs.items():
+        found[number] = graph.lets_through or graph.refracts
+    return found
+
+
+def _near(geometry: Geometry, middles: Array, reach: float) -> IndexArray:
+    """The numbers of triangles whose middles are in the neighbourhood of points (G, 3), the largest ones.
+
+    reach: the edge of the cells of a grid. Cells with a point, and their neighbours, are the neighbourhood.
+    """
+    if reach <= 0.0:
+        return np.zeros(0, np.intp)
+    low, high = middles.min(axis=0) - 2.0 * reach, middles.max(axis=0) + 2.0 * reach
+    steps = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+    cells = np.floor((middles - low) / reach)[:, None] + steps
+    shape = np.ceil((high - low) / reach) + 1.0
+    wanted = np.unique(_cell_numbers(cells.reshape(-1, 3), shape))
+    kept, size = np.zeros(0, np.intp), np.zeros(0)
+    for first in range(0, len(geometry.triangles), AT_ONCE):
+        more = np.arange(first, min(first + AT_ONCE, len(geometry.triangles)))
+        corners = _corners(geometry, more)
+        middle = np.mean(corners, axis=0)
+        inside = np.flatnonzero(((middle > low) & (middle < high)).all(axis=1))
+        cell = _cell_numbers(np.floor((middle.take(inside, axis=0) - low) / reach), shape)
+        place = np.minimum(np.searchsorted(wanted, cell), len(wanted) - 1)
+        more = more.take(inside[wanted[place] == cell])
+        kept, size = np.concatenate([kept, more]), np.concatenate([size, _areas(geometry, more)])
+        if len(kept) > MOST_NEAR:
+            best = np.argpartition(size, len(size) - MOST_NEAR)[-MOST_NEAR:]
+            kept, size = kept.take(best), size.take(best)
+    return kept
+
+
+def _cell_numbers(cells: Array, shape: Array) -> Array:
+    """The number of each cell (N, 3) in a grid of a shape, as whole float64."""
+    numbers: Array = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+    return numbers
 
 
 def _world_irradiance(scene: Scene) -> float:

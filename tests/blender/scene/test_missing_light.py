@@ -73,6 +73,33 @@ def sign_under_the_sky():
     tube(0.5)
 
 
+def night_lamp(**shade):
+    """A glowing ball by night, within a shade if one is given."""
+    yard()
+    bpy.data.lights["SUN"].energy = 0.05
+    glow = paint("Emission", Color=(1.0, 0.9, 0.8), Strength=40.0)
+    part(bpy.ops.mesh.primitive_uv_sphere_add, glow, radius=0.2, location=(0, 0, 0.8))
+    if shade:
+        cover = paint("BsdfDiffuse", Color=(0.7,) * 3)
+        part(bpy.ops.mesh.primitive_uv_sphere_add, cover, radius=0.3, location=(0, 0, 0.8), **shade)
+
+
+def bare_lamp():
+    night_lamp()
+
+
+def shaded_lamp():
+    """Of so many faces that they are not among the largest."""
+    night_lamp(segments=256, ring_count=128)
+
+
+def lamp_behind_a_wall():
+    night_lamp()
+    bpy.data.objects["Sphere"].location = (0, 4.0, 0.8)
+    wall = paint("BsdfDiffuse", Color=(0.7,) * 3)
+    part(bpy.ops.mesh.primitive_cube_add, wall, size=1, location=(0, 3.0, 2.0), scale=(30, 0.1, 4.0))
+
+
 def glowing_dome():
     """A sky as a sphere, through which the sun shines."""
     yard()
@@ -88,6 +115,9 @@ SCENES = {
     sign_by_day: set(),
     sign_under_the_sky: set(),
     glowing_dome: set(),
+    bare_lamp: {GLOW},
+    shaded_lamp: set(),
+    lamp_behind_a_wall: set(),
     walls: set(),
     floor: set(),
 }

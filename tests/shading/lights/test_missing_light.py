@@ -69,6 +69,46 @@ def test_the_share_of_a_glowing_disc_in_the_light_of_a_sky(build, share):
     assert found.glow == pytest.approx(share, rel=0.02) and found.is_lit
 
 
+def beside(part, *offset):
+    """A part that is moved."""
+    return part[0] + np.array(offset), *part[1:]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.8])
+def test_of_a_closed_lamp_the_side_that_is_seen_counts(build, share):
+    """A sphere of radius r and radiance L at a height h gives π L r² / h²; the sky of radiance 1 gives π."""
+    radius, height = 0.05, 1.0
+    glow = share / (1.0 - share) * height**2 / radius**2
+    ball = build.sphere(12, (0, 0, height), radius)
+    scene = lit(build, build.square(10.0), ball, glow=glow, world=(1, 1, 1))
+    assert missing_light(scene, from_above()).glow == pytest.approx(share, abs=NOISE)
+
+
+def test_what_shades_hide_lights_nothing(build):
+    """A shade far smaller than the largest triangles, and a wall."""
+    floor, ball = build.square(10.0), build.sphere(6, (0.4, 0, 1.0), 0.05)
+    parts = {
+        "bare": (),
+        "in a shade": (build.sphere(40, (0.4, 0, 1.0), 0.08),),
+        "behind a wall": (build.square(0.5, 0.8),),
+        "beside a wall": (beside(build.square(0.1, 0.8), -1.0, 0.0, 0.0),),
+    }
+    found = {
+        name: missing_light(lit(build, floor, *more, ball, glow=900.0, world=(1, 1, 1)), from_above()).glow
+        for name, more in parts.items()
+    }
+    assert found["bare"] > 0.5 and found["beside a wall"] == pytest.approx(found["bare"], abs=NOISE)
+    assert found["in a shade"] == found["behind a wall"] == 0.0
+
+
+def test_shades_are_found_among_many_triangles(build, monkeypatch):
+    """The largest triangles are the floor's: those of a shade are cast at as they are near to the lamp."""
+    monkeypatch.setattr("scfpf_addon.shading.missing_light.LARGEST", 2)
+    shade, ball = build.sphere(20, (0, 0, 1.0), 0.08), build.sphere(6, (0, 0, 1.0), 0.05)
+    parts = build.square(10.0), shade, ball
+    assert missing_light(lit(build, *parts, glow=900.0, world=(1, 1, 1)), from_above()).glow == 0.0
+
+
 # The power of a lamp that gives an irradiance of 1 from 1 above.
 LAMPS = {"POINT": 4 * np.pi, "SPOT": 4 * np.pi, "AREA": np.pi, "SUN": 1.0}
 
