@@ -252,6 +252,31 @@ def test_levels_are_named_where_pixels_differ_in_size(addon, tmp_path):
     assert addon("cycles.footprints").cautions(settings) == []
 
 
+@pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Blender has no texture cache")
+@pytest.mark.parametrize("field", [60, 90, 120, 180])
+def test_levels_of_a_fisheye_are_right_or_named(addon, tmp_path, field):
+    """Beside Cycles' own fisheye."""
+    scene = bpy.context.scene
+    scene.render.use_texture_cache = scene.render.use_auto_generate_texture_cache = True
+    material, _ = checked(tmp_path, 16)
+    bpy.ops.mesh.primitive_cube_add(size=8)
+    bpy.context.object.data.materials.append(material)
+    camera = reference.add_camera(128, 128)
+    camera.data.type, camera.data.panorama_type = "PANO", "FISHEYE_EQUIDISTANT"
+    camera.data.fisheye_fov = math.radians(field)
+    theirs = shot(tmp_path / "theirs.exr")
+    camera.data.type = "PERSP"
+    make_volume(addon, camera, "angular_fisheye")
+    for slot in camera.scfpf.surfaces:
+        edge = {"latitude_end": math.pi / 2 - math.radians(field) / 2}
+        addon("bridge.surfaces.surface_object").set_surface_parameters(slot.object, edge)
+    bpy.context.view_layer.update()
+    assert switch(camera) == {"FINISHED"}
+    error = math.sqrt(((shot(tmp_path / "ours.exr") - theirs) ** 2).mean())
+    settings = addon("cycles.rig_data").rig_of(scene).scfpf_rig
+    assert bool(addon("cycles.footprints").cautions(settings)) == (error > ROOT_MEAN_SQUARE)
+
+
 def test_wires_in_pixels_are_as_wide_as_through_an_ordinary_camera(addon, tmp_path):
     material, tree = new_material("Wires")
     tree.nodes.clear()
