@@ -18,7 +18,7 @@ from .camera import (
     tutorial,
     ways,
 )
-from .common import running
+from .common import modal_job
 from .image import find, pick, render
 from .layers import layer_check, layer_list, layer_render
 from .volume import framing, mappings, surface_tools, surfaces, volume_tools
@@ -64,6 +64,6 @@ def register():
 
 def unregister():
     # While the classes still have their properties.
-    running.cancel_all()
+    modal_job.disable_all()
     for module in reversed(MODULES):
         module.unregister()

@@ -20,15 +20,14 @@ from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, HandledFrame
-from ..common import running
 from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
-from .watched import Watched
+from .solve_job import SolveJob
 
 NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
-# Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
-TICK, RESTING_STEPS = 0.05, 4
+# Steps while the mouse rests, until the volume has settled.
+RESTING_STEPS = 4
 PARTS = {"G": BODY, "S": SIZE, "R": TURN}
 KEYS = (
     "G: move    S: size    R: turn    X, Y: along an axis    Arrows or a number: exactly    Shift: fine    "
@@ -36,13 +35,17 @@ KEYS = (
 )
 
 
-class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
+class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     """Move, scale or turn the active view or pin in the picture, by mouse, keys or numbers: the volume
     follows, and is solved at the end"""
 
     bl_idname = "scfpf.aim_drag"
     bl_label = "Drag Target"
     bl_options = {"REGISTER", "UNDO"}
+
+    # Between two steps while the mouse rests, and then between two looks at the solve.
+    seconds = 0.05
+    escapes = frozenset({"ESC", "RIGHTMOUSE"})
 
     shift: FloatVectorProperty(
         name="Move", description="Movement, as shares of the picture's width and height", size=2
@@ -107,30 +110,32 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         self._drag = FrameDrag(
             frame or HandledFrame(origin, (0.0, 0.0, 0.0, 0.0), 0.0), part, mouse, unit, is_point=self._is_pin
         )
-        self._mouse, self._resting = (event.mouse_x, event.mouse_y), 0
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        self._mouse, self._resting, self._is_solving = (event.mouse_x, event.mouse_y), 0, False
+        outcome = self.begin(context)
+        self.ends.callback(self._restore_live)
         self._say(context)
-        return {"RUNNING_MODAL"}
+        return outcome
 
-    def modal(self, context, event):
-        if self._solve is not None:
-            return self._ended(context, self.watch(context, event))
-        if object_by_uid(self._camera) is None:
-            self._stop(context)
-            return {"CANCELLED"}
+    def is_lost(self):
+        return not self._is_solving and object_by_uid(self._camera) is None
+
+    def escape(self, context):
+        return super().escape(context) if self._is_solving else {"CANCELLED"}
+
+    def tick(self, context):
+        if self._is_solving:
+            return super().tick(context)
+        if self._resting > 0:
+            self._resting -= 1
+            return self._follow(context)
+        return {"PASS_THROUGH"}
+
+    def respond(self, context, event):
         is_press = event.value == "PRESS"
-        if event.type in {"ESC", "RIGHTMOUSE"} and is_press:
-            self.cancel(context)
-            return {"CANCELLED"}
+        if self._is_solving:
+            return {"RUNNING_MODAL"}
         if (event.type == "LEFTMOUSE") or (event.type in {"RET", "NUMPAD_ENTER"} and is_press):
             return self._finish(context)
-        if event.type == "TIMER":
-            if self._resting > 0:
-                self._resting -= 1
-                return self._follow(context)
-            return {"PASS_THROUGH"}
         self._drag.is_snapped = event.ctrl
         if event.type == "MOUSEMOVE":
             x, y = self._mouse
@@ -157,15 +162,11 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
             self._drag.type(event.unicode)
 
     def _follow(self, context):
-        """Put the target where the drag has it, and let the volume follow by one step."""
+        """Put the target where the drag has it, and let the volume follow by one step. Raises USER_ERRORS."""
         (x, y), self.factor, self.turn = self._drag.change
         self.shift = x / self._size[0], y / self._size[1]
         self._place()
-        try:
-            self._volume.step(context.evaluated_depsgraph_get())
-        except USER_ERRORS as error:
-            self.cancel(context)
-            return refused(self, error)
+        self._volume.step(context.evaluated_depsgraph_get())
         self._say(context)
         return {"RUNNING_MODAL"}
 
@@ -196,17 +197,12 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         target.position, target.width, target.turn = self._before
 
     def _finish(self, context):
-        """Solve, and report how well; a solve that is refused or cancelled restores everything."""
+        """Begin to solve. A solve that is refused or cancelled restores the volume. Raises USER_ERRORS."""
+        self._is_solving, self.escapes = True, SolveJob.escapes
         steps = self._volume.finishing(context.evaluated_depsgraph_get())
-        return self._ended(context, self.begin(context, steps, object_by_uid(self._camera)))
-
-    def _ended(self, context, outcome):
-        """Leave the drag if its solve has ended."""
-        if outcome == {"CANCELLED"} and object_by_uid(self._camera) is not None:
-            self._put_back()
-        if outcome & {"CANCELLED", "FINISHED"}:
-            self._stop(context)
-        return outcome
+        self.begin_solve(steps, object_by_uid(self._camera))
+        self.show_solve(context)
+        return {"RUNNING_MODAL"}
 
     def _say(self, context):
         """Tell the keys and the numbers, and redraw the frames."""
@@ -216,34 +212,28 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
             text += f"  size {target.width:.1%}  turn {math.degrees(target.turn):.1f}°"
         typed = f"    {self._drag.typed}" if self._drag.typed else ""
         axis = f"    along {self._drag.axis}" if self._drag.axis else ""
-        context.workspace.status_text_set(f"{text}{axis}{typed}    {KEYS}")
-        _redraw(context)
+        self.show(context, f"{text}{axis}{typed}    {KEYS}")
+        _redraw()
 
-    def _stop(self, context):
-        """Leave the drag as Live Aim, the timer and the status bar were."""
-        running.end(self)
+    def _restore_live(self):
+        """Leave Live Aim as it was, when targets and volume are in their places."""
         camera = object_by_uid(self._camera)
         if camera is not None:
             camera.scfpf.aim.live = self._is_live
-        context.window_manager.event_timer_remove(self._timer)
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        _redraw(context)
+        _redraw()
 
-    def cancel(self, context):
-        """Restore the target and the volume; Blender calls this too when the window is closed."""
-        if self._solve is not None:
-            self.stop_solve(context)
-        else:
+    def give_up(self, context):
+        """Restore the target and the volume."""
+        if not self._is_solving:
             self._volume.restore()
+        super().give_up(context)
         if object_by_uid(self._camera) is not None:
             self._put_back()
-        self._stop(context)
 
 
-def _redraw(context) -> None:
+def _redraw() -> None:
     """Redraw the regions that may show frames."""
-    for window in context.window_manager.windows:
+    for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
                 area.tag_redraw()

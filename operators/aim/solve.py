@@ -16,11 +16,11 @@ from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.projection.user_error import UserError
-from ..common import running
 from ..common.errors import refused
+from ..common.modal_job import in_window
 from ..common.words import report_text
 from .aim_camera import AimAction, camera_name, target_at, target_index
-from .watched import Watched, in_window
+from .solve_job import SolveJob
 
 
 class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
@@ -55,7 +55,7 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
 
 
-class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
+class SCFPF_OT_aim_solve(SolveJob, AimAction, bpy.types.Operator):
     """Change the control surfaces until the picture shows the targets as they ask, at each of their keys,
     unless that makes the picture worse"""
 
@@ -89,20 +89,12 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
             return self.execute(context)
         try:
             camera = self.prepared(context)
-            outcome = self.begin(context, solving_animation(camera, context), camera)
+            self.begin_solve(solving_animation(camera, context), camera)
         except USER_ERRORS as error:
             return refused(self, error)
-        if outcome == {"RUNNING_MODAL"}:
-            context.window_manager.modal_handler_add(self)
-            running.begin(self, context)
+        outcome = self.begin(context)
+        self.show_solve(context)
         return outcome
-
-    def modal(self, context, event):
-        return self.watch(context, event)
-
-    def cancel(self, context):
-        """Called when its window closes, a file is opened or the extension is disabled."""
-        self.stop_solve(context)
 
 
 class SCFPF_OT_aim_live(AimAction, bpy.types.Operator):

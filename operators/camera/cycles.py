@@ -10,19 +10,21 @@ from ...scfpf_addon.cycles import rig as rigs
 from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
-from ..common import running
 from ..common.errors import failed, refused
+from ..common.modal_job import NOTHING_CHANGED, ModalJob, in_window
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
 from ..common.words import report_text, translated_report
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
-# Seconds between two steps, in which Blender shows the progress and handles the Esc key.
-TICK = 0.01
 
 
-class _Planned:
+class _Planned(ModalJob):
     """An operator that plans chords, which takes seconds: step by step in a window, at once for scripts."""
+
+    # Between two steps, in which Blender shows the progress and handles the Esc key.
+    seconds = 0.01
+    canceled = NOTHING_CHANGED
 
     def planned_camera(self, context):
         """The camera to plan for, or None to call ``finish`` without a plan."""
@@ -46,72 +48,37 @@ class _Planned:
     def invoke(self, context, _event):
         try:
             camera = self.planned_camera(context)
-            if camera is None or bpy.app.background or context.window is None:
+            if camera is None or not in_window(context):
                 return self.execute(context)
             self._planning = Planning(context, camera)
         except USER_ERRORS as error:
             return refused(self, error)
         except Exception as error:
             return failed(self, error)
-        window_manager = context.window_manager
-        window_manager.progress_begin(0.0, 1.0)
-        self._timer = window_manager.event_timer_add(TICK, window=context.window)
-        window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        outcome = self.begin(context)
         self._show_progress(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self._planning.give_up()
-            self._leave(context)
-            self.report({"INFO"}, "Canceled: nothing was changed")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"RUNNING_MODAL"}
-        try:
-            if self._planning.step(context):
-                self._show_progress(context)
-                return {"RUNNING_MODAL"}
-            self._show_progress(context)
-            # A modal operator's context lacks the camera of the button's panel.
-            camera = self._planning.camera(context)
-            outcome = self.finish(context, camera, self._planning.plan(context))
-        except USER_ERRORS as error:
-            self._planning.give_up()
-            self._leave(context)
-            return refused(self, error)
-        except Exception as error:
-            self._planning.give_up()
-            self._leave(context)
-            return failed(self, error)
-        self._leave(context)
         return outcome
 
-    def cancel(self, context):
-        """End the planning as Blender closes the window, opens a file or quits.
+    def tick(self, context):
+        more = self._planning.step(context)
+        self._show_progress(context)
+        if more:
+            return {"RUNNING_MODAL"}
+        # A modal operator's context lacks the camera of the button's panel.
+        camera = self._planning.camera(context)
+        return self.finish(context, camera, self._planning.plan(context))
 
-        The scene cannot be evaluated meanwhile: a timer restores the frame if the file stays open.
-        """
-        bpy.app.timers.register(self._planning.give_up, first_interval=0.0)
-        self._leave(context)
-
-    def disable(self, context):
-        """End the planning as the extension is disabled; nothing was changed."""
+    def give_up(self, _context):
+        """End the planning; nothing was changed."""
         self._planning.give_up()
-        self._leave(context)
+
+    def abandon(self, _context):
+        """A timer restores the frame if the file stays open."""
+        bpy.app.timers.register(self._planning.give_up, first_interval=0.0)
 
     def _show_progress(self, context) -> None:
-        context.window_manager.progress_update(self._planning.progress)
-        context.workspace.status_text_set(
-            report_text("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text)
-        )
-
-    def _leave(self, context) -> None:
-        running.end(self)
-        context.window_manager.progress_end()
-        context.window_manager.event_timer_remove(self._timer)
-        context.workspace.status_text_set(None)
+        text = report_text("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text)
+        self.show(context, text, self._planning.progress)
 
 
 class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):

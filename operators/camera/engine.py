@@ -7,13 +7,12 @@ from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import warnings
-from ..common import running
+from ..common.modal_job import ModalJob
 from ..common.target import flexible_camera_of, poll_scene
 from ..common.tool import Action
 
-# Seconds between two checks of the queue, and until a warning is reported.
+# Seconds between two checks of the queue.
 LOOK = 0.5
-TICK = 0.1
 
 
 class SCFPF_OT_engine_use(Action, bpy.types.Operator):
@@ -35,12 +34,16 @@ class SCFPF_OT_engine_use(Action, bpy.types.Operator):
         return "F12 renders through the flexible camera with SCFPF"
 
 
-class SCFPF_OT_engine_warn(bpy.types.Operator):
+class SCFPF_OT_engine_warn(ModalJob, bpy.types.Operator):
     """Report that the render that has begun ignores the flexible camera"""
 
     bl_idname = "scfpf.engine_warn"
     bl_label = "Flexible Camera Ignored"
     bl_options = {"INTERNAL"}
+
+    # Until the warning is reported.
+    seconds = 0.1
+    escapes = frozenset()
 
     message: bpy.props.StringProperty(
         name="Message", description="The warning to report", options={"SKIP_SAVE"}
@@ -52,20 +55,13 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
 
     def invoke(self, context, _event):
         # Blender shows the report of an operator called by a script only if the operator ends later.
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
-        return {"RUNNING_MODAL"}
+        return self.begin(context)
 
-    def modal(self, context, event):
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        self.cancel(context)
+    def respond(self, _context, _event):
+        return {"PASS_THROUGH"}
+
+    def tick(self, context):
         return self.execute(context)
-
-    def cancel(self, context):
-        running.end(self)
-        context.window_manager.event_timer_remove(self._timer)
 
 
 def _look() -> float:

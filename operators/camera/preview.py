@@ -12,8 +12,8 @@ from ...scfpf_addon.scanline.preview import preview_building
 from ...scfpf_addon.scanline.preview.preview import moved, show, switch_off, switched_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
-from ..common import running
 from ..common.errors import failed, refused
+from ..common.modal_job import NOTHING_CHANGED, ModalJob, in_window
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
 from ..common.words import report_text, translated_report
@@ -24,11 +24,7 @@ FLAT = (
 )
 
 
-# Seconds between two steps, in which Blender shows the progress and handles the Esc key.
-TICK = 0.01
-
-
-class SCFPF_OT_preview_toggle(bpy.types.Operator):
+class SCFPF_OT_preview_toggle(ModalJob, bpy.types.Operator):
     """Show the flexible camera's picture in a second viewport, by Geometry Nodes, in Solid or Material
     Preview shading, or remove it: lights have no effect, hidden objects that render are shown, and hair,
     points, particles, Grease Pencil and materials linked to objects are left out"""
@@ -36,6 +32,10 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
     bl_idname = "scfpf.preview_toggle"
     bl_label = "Nodes Preview"
     bl_options = {"REGISTER", "UNDO"}
+
+    # Between two steps, in which Blender shows the progress and handles the Esc key.
+    seconds = 0.01
+    canceled = NOTHING_CHANGED
 
     poll = classmethod(poll_flexible_camera_in_any_mode)
 
@@ -47,63 +47,34 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
     def invoke(self, context, _event):
         camera = camera_of(context)
         is_on = preview_of(camera, context.scene) is not None
-        if is_on or preview_building.is_built() or bpy.app.background or context.window is None:
+        if is_on or preview_building.is_built() or not in_window(context):
             return self.execute(context)
         self._building, self._camera = preview_building.Building(camera), camera.name
-        window_manager = context.window_manager
-        window_manager.progress_begin(0.0, 1.0)
-        self._timer = window_manager.event_timer_add(TICK, window=context.window)
-        window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        outcome = self.begin(context)
         self._show_progress(context)
-        return {"RUNNING_MODAL"}
+        return outcome
 
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self._leave(context)
-            self._building.give_up()
-            self.report({"INFO"}, "Canceled: nothing was changed")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"RUNNING_MODAL"}
-        try:
-            more = self._building.step()
-        except Exception as error:
-            self._leave(context)
-            self._building.give_up()
-            return failed(self, error)
+    def tick(self, context):
+        more = self._building.step()
         self._show_progress(context)
         if more:
             return {"RUNNING_MODAL"}
-        self._leave(context)
+        self.leave()
         # A modal operator's context lacks the camera of the button's panel.
         camera = context.scene.objects.get(self._camera)
-        outcome = self._switch(context, camera) if camera is not None else {"CANCELLED"}
-        if outcome == {"CANCELLED"}:
-            self._building.give_up()
-        return outcome
+        return self._switch(context, camera) if camera is not None else {"CANCELLED"}
 
-    def cancel(self, context):
-        """Leave the groups that are built: Blender closes the window, opens a file or quits."""
-        self._leave(context)
-
-    def disable(self, context):
-        """Remove the groups that are built as the extension is disabled."""
-        self._leave(context)
+    def give_up(self, _context):
+        """Remove the groups that are built."""
         self._building.give_up()
 
-    def _show_progress(self, context) -> None:
-        context.window_manager.progress_update(self._building.progress)
-        done = round(100 * self._building.progress)
-        context.workspace.status_text_set(
-            report_text("{0}: {1} % of the node groups    Esc: cancel", self.bl_label, done)
-        )
+    def abandon(self, _context):
+        """Leave the groups that are built: the file cannot be changed meanwhile."""
 
-    def _leave(self, context) -> None:
-        running.end(self)
-        context.window_manager.progress_end()
-        context.window_manager.event_timer_remove(self._timer)
-        context.workspace.status_text_set(None)
+    def _show_progress(self, context) -> None:
+        share = self._building.progress
+        text = report_text("{0}: {1} % of the node groups    Esc: cancel", self.bl_label, round(100 * share))
+        self.show(context, text, share)
 
     def execute(self, context):
         return self._switch(context, camera_of(context))

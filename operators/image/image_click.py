@@ -4,7 +4,7 @@
 from bpy.props import FloatProperty
 
 from ...scfpf_addon.bridge.render.result_image import result_image
-from ..common import running
+from ..common.modal_job import ModalJob
 from ..common.tool import ARROWS
 
 NO_PICTURE = "No Image Editor of this window shows the picture: press Show Picture, then click in it"
@@ -51,7 +51,7 @@ def _share(name: str, description: str):
     )
 
 
-class ImageClick:
+class ImageClick(ModalJob):
     """Wait for a click in the image, or Enter, store its position in x and y, and execute.
 
     Arrow keys move the pointer.
@@ -60,6 +60,7 @@ class ImageClick:
     """
 
     cursor = "EYEDROPPER"
+    escapes = frozenset({"ESC", "RIGHTMOUSE"})
     hint = ""
     # The position that Enter chooses when the mouse is elsewhere, None to wait: numbers can follow.
     without_mouse: tuple[float, float] | None = (0.5, 0.5)
@@ -75,16 +76,11 @@ class ImageClick:
 
     def wait(self, context):
         """Begin to wait for the click."""
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
-        context.window.cursor_modal_set(self.cursor)
-        context.workspace.status_text_set(f"{self.hint}    {KEYS}")
-        return {"RUNNING_MODAL"}
+        outcome = self.begin(context)
+        self.show(context, f"{self.hint}    {KEYS}")
+        return outcome
 
-    def modal(self, context, event):
-        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self.cancel(context)
-            return {"CANCELLED"}
+    def respond(self, context, event):
         if event.type in ARROWS and event.value == "PRESS":
             step = 1 if event.shift else STEP
             x, y = ARROWS[event.type]
@@ -96,7 +92,7 @@ class ImageClick:
                 position = self.without_mouse
             if position is None:
                 return {"RUNNING_MODAL"}
-            self.cancel(context)
+            self.leave()
             if not self.poll(context):
                 self.report({"ERROR"}, NO_MORE)
                 return {"CANCELLED"}
@@ -107,11 +103,3 @@ class ImageClick:
     def position_at(self, context, x: int, y: int) -> tuple[float, float] | None:
         """The position that a click at a pixel of the window chooses, None to wait for another."""
         return image_position(context.window, x, y)
-
-    def cancel(self, context):
-        """Restore the cursor and the status bar."""
-        running.end(self)
-        if context.window is not None:
-            context.window.cursor_modal_restore()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)

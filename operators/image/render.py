@@ -16,8 +16,8 @@ from ...scfpf_addon.bridge.render.result_image import (
     result_image,
     show_progress,
 )
-from ..common import running
 from ..common.errors import refused
+from ..common.modal_job import ModalJob, in_window
 from ..common.target import chosen_camera
 from ..common.words import report_text, translated_report
 from .image_editors import image_editors, open_image_editor
@@ -29,12 +29,14 @@ TICK = 0.2
 IMAGE_TICK = 0.5
 
 
-class SCFPF_OT_render(bpy.types.Operator):
+class SCFPF_OT_render(ModalJob, bpy.types.Operator):
     """Render a picture through the flexible camera into an image; Esc cancels and keeps the old picture"""
 
     bl_idname = "scfpf.render"
     bl_label = "Render Flexible Camera"
     bl_options = {"REGISTER"}
+
+    seconds = TICK
 
     camera: StringProperty(
         name="Camera",
@@ -45,38 +47,38 @@ class SCFPF_OT_render(bpy.types.Operator):
     poll = classmethod(poll_no_render)
 
     def execute(self, context):
-        if not self._start(context, with_tiles=False):
-            return {"CANCELLED"}
-        return self._deliver(context)
+        try:
+            self._start(context, with_tiles=False)
+            return self._deliver(context)
+        except USER_ERRORS as error:
+            return refused(self, error)
 
     def invoke(self, context, _event):
-        if bpy.app.background or context.window is None:
+        if not in_window(context):
             return self.execute(context)
-        if not self._start(context, with_tiles=True):
-            return {"CANCELLED"}
-        self._status = ""
-        self._workspaces = set()
+        try:
+            self._start(context, with_tiles=True)
+        except USER_ERRORS as error:
+            return refused(self, error)
         self._image_time = time.monotonic()
         self._is_image_shown = False
         self._may_open = True
-        self._is_opening = False
-        window_manager = context.window_manager
-        self._timer = window_manager.event_timer_add(TICK, window=context.window)
-        window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        outcome = self.begin(context)
+        self.ends.callback(_redraw)
+        self._show_progress(context)
+        return outcome
+
+    def escape(self, context):
+        if self._job.cancelled:
+            return {"PASS_THROUGH"}
+        self._job.cancel()
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
-        if self._is_opening:
-            # Blender sends events while it opens the window for the image.
-            return {"PASS_THROUGH"}
-        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
-            self._job.cancel()
-            self._show_progress(context)
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
+    def respond(self, _context, _event):
+        return {"PASS_THROUGH"}
+
+    def tick(self, context):
         if self._job.running or self._may_open:
             # Not in invoke, which a button of the replaced editor may have called, and not in the last
             # call: Blender ignores that an operator has finished if it opens a window.
@@ -84,56 +86,42 @@ class SCFPF_OT_render(bpy.types.Operator):
             self._show_progress(context)
             self._show_image(context)
             return {"PASS_THROUGH"}
-        self._leave(context)
-        outcome = {"CANCELLED"}
-        try:
-            outcome = self._deliver(context)
-        finally:
-            if self._is_image_shown and outcome == {"CANCELLED"}:
-                discard_progress()
-        return outcome
+        self.leave()
+        return self._deliver(context)
 
-    def cancel(self, context):
-        """Called when its window closes, a file is opened, Blender quits or the extension is disabled."""
+    def give_up(self, _context):
+        """End the job and bring the old picture back."""
         render_job.stop()
-        self._leave(context)
         if self._is_image_shown:
             discard_progress()
 
-    def _start(self, context, with_tiles: bool) -> bool:
-        """Read the inputs and start the job; False after reporting why that is impossible."""
-        try:
-            camera = chosen_camera(context, self.camera)
-            self._camera_uid = camera.session_uid
-            inputs = prepared_inputs(context, camera)
-            keep = context.scene.render.use_persistent_data
-            self._job = render_job.start(inputs, with_tiles, keep)
-        except USER_ERRORS as error:
-            refused(self, error)
-            return False
+    def _start(self, context, with_tiles: bool) -> None:
+        """Read the inputs and start the job. Raises USER_ERRORS."""
+        camera = chosen_camera(context, self.camera)
+        self._camera_uid = camera.session_uid
+        inputs = prepared_inputs(context, camera)
+        keep = context.scene.render.use_persistent_data
+        self._job = render_job.start(inputs, with_tiles, keep)
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, translated_report(warning))
-        return True
 
     def _deliver(self, context):
-        """Write the finished image; nothing changes if the job was cancelled or has failed."""
+        """Write the finished image; nothing changes if the job was cancelled or has failed.
+
+        Raises USER_ERRORS.
+        """
         try:
             frame = self._job.result()
-        except USER_ERRORS as error:
-            return refused(self, error)
         finally:
             render_job.stop()
         if frame is None:
             self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
             return {"CANCELLED"}
-        try:
-            show_progress(frame.pixels)
-            outcome, statistics = frame.report.outcome(), frame.report.statistics()
-            # Blender has the pixels. Packing takes as much memory again, and the job holds them, too.
-            del frame, self._job
-            warning = keep_result()
-        except USER_ERRORS as error:
-            return refused(self, error)
+        show_progress(frame.pixels)
+        outcome, statistics = frame.report.outcome(), frame.report.statistics()
+        # Blender has the pixels. Packing takes as much memory again, and the job holds them, too.
+        del frame, self._job
+        warning = keep_result()
         if warning:
             self.report({"WARNING"}, translated_report(warning))
         camera = object_by_uid(self._camera_uid)
@@ -157,23 +145,15 @@ class SCFPF_OT_render(bpy.types.Operator):
             text = "SCFPF: building the acceleration structure, which cannot be canceled"
         elif self._job.cancelled:
             text = "SCFPF: canceling"
-        if text == self._status:
-            return
-        self._status = text
-        context.workspace.status_text_set(text)
-        self._workspaces.add(context.workspace.name)
-        redraw_interface(context.window_manager)
+        if self.show(context, text):
+            _redraw()
 
     def _open_editor(self, context):
         """Open an Image Editor as F12 would, once, and let Esc cancel in its window, too."""
         if not self._may_open:
             return
         self._may_open = False
-        self._is_opening = True
-        try:
-            window = open_image_editor(context)
-        finally:
-            self._is_opening = False
+        window = open_image_editor(context)
         if window is None or window == context.window:
             return
         with context.temp_override(window=window):
@@ -196,15 +176,9 @@ class SCFPF_OT_render(bpy.types.Operator):
             self._is_image_shown = True
             self._image_time = time.monotonic()
 
-    def _leave(self, context):
-        """Remove the timer and the texts in the status bars."""
-        running.end(self)
-        context.window_manager.event_timer_remove(self._timer)
-        for name in self._workspaces:
-            workspace = bpy.data.workspaces.get(name)
-            if workspace is not None:
-                workspace.status_text_set(None)
-        redraw_interface(context.window_manager)
+
+def _redraw() -> None:
+    redraw_interface(bpy.context.window_manager)
 
 
 class SCFPF_OT_render_cancel(bpy.types.Operator):
@@ -225,34 +199,32 @@ class SCFPF_OT_render_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SCFPF_OT_render_escape(bpy.types.Operator):
+class SCFPF_OT_render_escape(ModalJob, bpy.types.Operator):
     """Let Esc in the window that shows the render cancel it"""
 
     bl_idname = "scfpf.render_escape"
     bl_label = "Cancel Render by Esc"
     bl_options = {"INTERNAL"}
 
+    seconds = TICK
+
     poll = SCFPF_OT_render_cancel.poll
 
     def invoke(self, context, _event):
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        return self.begin(context)
+
+    def escape(self, context):
+        job = render_job.current()
+        if job is None or job.cancelled:
+            return self.tick(context)
+        job.cancel()
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
-        job = render_job.current()
-        if job is None:
-            self.cancel(context)
-            return {"FINISHED", "PASS_THROUGH"}
-        if event.type == "ESC" and event.value == "PRESS" and not job.cancelled:
-            job.cancel()
-            return {"RUNNING_MODAL"}
-        return {"PASS_THROUGH"}
+    def respond(self, context, _event):
+        return self.tick(context)
 
-    def cancel(self, context):
-        running.end(self)
-        context.window_manager.event_timer_remove(self._timer)
+    def tick(self, _context):
+        return {"PASS_THROUGH"} if render_job.current() is not None else {"FINISHED", "PASS_THROUGH"}
 
 
 class SCFPF_OT_result_show(bpy.types.Operator):

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render pictures with layers by Cycles: render by render in a window, at once for scripts and farms."""
+"""Render pictures with layers by Cycles: render by render in a window, at once for scripts and farms.
+
+The work in a window is done by Blender's own render job, for which the operator waits.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
-from ..common import running
 from ..common.errors import refused
+from ..common.modal_job import ModalJob, in_window, is_running
 from ..common.target import chosen_camera, take_up_edits
 from ..common.words import report_text, translated_report
 from ..image.image_editors import image_editors
@@ -20,10 +23,10 @@ from ..image.preparation import poll_no_render
 
 # Seconds between two looks at Blender's render.
 TICK = 0.1
+CANCELED = "Render canceled: the previous picture is unchanged"
 WAIT = "Blender is rendering: wait for it, or press Esc to cancel it"
 
-# Of the running operator: its job, and whether Blender's render was cancelled.
-_jobs: list[LayersJob] = []
+# Whether Blender's render was cancelled while the operator runs.
 _cancelled: list[bool] = []
 
 
@@ -32,12 +35,15 @@ def _note_cancel(*_) -> None:
     _cancelled.append(True)
 
 
-class SCFPF_OT_layers_render(bpy.types.Operator):
+class SCFPF_OT_layers_render(ModalJob, bpy.types.Operator):
     """Render the picture with its layers by Cycles, one render a layer; Esc cancels, the old picture stays"""
 
     bl_idname = "scfpf.layers_render"
     bl_label = "Render Layers with Cycles"
     bl_options = {"REGISTER"}
+
+    seconds = TICK
+    canceled = CANCELED
 
     camera: StringProperty(
         name="Camera",
@@ -60,7 +66,7 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if _jobs or bpy.app.is_job_running("RENDER"):
+        if is_running(cls) or bpy.app.is_job_running("RENDER"):
             cls.poll_message_set(WAIT)
             return False
         return poll_no_render(cls, context)
@@ -73,56 +79,47 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
         return self._finish(context, job)
 
     def invoke(self, context, _event):
-        if bpy.app.background or context.window is None:
+        if not in_window(context):
             return self.execute(context)
         try:
-            job = LayersJob(context, *self._wanted(context))
+            self._job = LayersJob(context, *self._wanted(context))
         except USER_ERRORS as error:
             return refused(self, error)
-        _jobs.append(job)
         _cancelled.clear()
+        outcome = self.begin(context)
         bpy.app.handlers.render_cancel.append(_note_cancel)
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-        self._workspaces = {context.workspace.name}
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
-        context.workspace.status_text_set(report_text("SCFPF: reading the scene"))
-        return {"RUNNING_MODAL"}
+        self.ends.callback(bpy.app.handlers.render_cancel.remove, _note_cancel)
+        self.show(context, report_text("SCFPF: reading the scene"))
+        return outcome
 
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            _note_cancel()
-        if event.type != "TIMER":
-            # Blender's own job sees Esc, too. Edits would show in some of the renders only.
-            return {"PASS_THROUGH"} if event.type in PASSED else {"RUNNING_MODAL"}
+    def escape(self, _context):
+        # Blender's own job sees Esc, too.
+        _note_cancel()
+        return {"PASS_THROUGH"}
+
+    def respond(self, _context, event):
+        # Edits would show in some of the renders only.
+        return {"PASS_THROUGH"} if event.type in PASSED else {"RUNNING_MODAL"}
+
+    def tick(self, context):
         if bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
-        job = _jobs[0]
-        try:
-            if _cancelled:
-                self._leave(context)
-                self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
-                return {"CANCELLED"}
-            if job.step():
-                context.workspace.status_text_set(report_text("SCFPF: {0}    Esc: cancel", job.progress))
-                job.render(in_window=True)
-                return {"RUNNING_MODAL"}
-        except USER_ERRORS as error:
-            self._leave(context)
-            return refused(self, error)
-        except Exception:
-            self._leave(context)
-            raise
-        self._leave(context)
-        return self._finish(context, job)
+        if _cancelled:
+            return super().escape(context)
+        if self._job.step():
+            self.show(context, report_text("SCFPF: {0}    Esc: cancel", self._job.progress))
+            self._job.render(in_window=True)
+            return {"RUNNING_MODAL"}
+        self._job.close()
+        return self._finish(context, self._job)
 
-    def cancel(self, context):
-        """Called when its window closes, a file is opened or Blender quits.
+    def give_up(self, _context):
+        """Close the job. Blender may be rendering its scene as the extension is disabled."""
+        type_registration.when_idle(self._job.close)
 
-        The scene cannot be changed meanwhile: a timer does so if the file stays open.
-        """
-        job = _jobs[0]
-        self._leave(context, is_closing=False)
+    def abandon(self, _context):
+        """A timer closes the job if the file stays open."""
+        job = self._job
 
         def close() -> float | None:
             if bpy.app.is_job_running("RENDER"):
@@ -132,31 +129,12 @@ class SCFPF_OT_layers_render(bpy.types.Operator):
 
         bpy.app.timers.register(close, first_interval=0.0)
 
-    def disable(self, context):
-        """Called when the extension is disabled: Blender may be rendering the scene to be removed."""
-        job = _jobs[0]
-        self._leave(context, is_closing=False)
-        type_registration.when_idle(job.close)
-
     def _wanted(self, context):
         """The camera, frames and path. Raises USER_ERRORS."""
         camera, scene = chosen_camera(context, self.camera), context.scene
         take_up_edits(context)
         frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step) if self.animation else ()
         return camera, frames, self.filepath or (scene.render.filepath if self.animation else "")
-
-    def _leave(self, context, is_closing: bool = True) -> None:
-        """Remove what the operator has made in Blender and, closing the job, in the file."""
-        context.window_manager.event_timer_remove(self._timer)
-        if _note_cancel in bpy.app.handlers.render_cancel:
-            bpy.app.handlers.render_cancel.remove(_note_cancel)
-        for name in self._workspaces:
-            if (workspace := bpy.data.workspaces.get(name)) is not None:
-                workspace.status_text_set(None)
-        jobs, _jobs[:] = [*_jobs], []
-        running.end(self)
-        for job in jobs if is_closing else ():
-            job.close()
 
     def _finish(self, context, job: LayersJob):
         for warning in job.warnings:

@@ -10,7 +10,7 @@ from mathutils import Matrix, Vector
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
-from ..common import running
+from ..common.modal_job import ModalJob
 from ..common.target import flexible_camera_of, poll_slot
 from ..common.tool import ARROWS, Action
 from ..common.words import report_text
@@ -31,7 +31,7 @@ KEYS = (
 )
 
 
-class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
+class SCFPF_OT_volume_frame(ModalJob, Action, bpy.types.Operator):
     """Pan, tilt, roll, dolly or zoom the whole volume with the mouse; the camera object stays where it is"""
 
     bl_idname = "scfpf.volume_frame"
@@ -48,6 +48,8 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         min=LEAST_ZOOM,
         max=MOST_ZOOM,
     )
+
+    escapes = frozenset({"ESC", "RIGHTMOUSE"})
 
     poll = classmethod(poll_slot)
 
@@ -80,21 +82,16 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         self._distance = max(_depth(camera, slot.object) for slot in slots) or 1.0
         self._rolling = False
         self._mouse = event.mouse_x, event.mouse_y
-        context.window_manager.modal_handler_add(self)
-        running.begin(self, context)
+        outcome = self.begin(context)
+        self.ends.callback(_clear_header)
         self._say(context)
-        return {"RUNNING_MODAL"}
+        return outcome
 
-    def modal(self, context, event):
-        camera = object_by_uid(self._camera)
-        if camera is None:
-            self._stop(context)
-            return {"CANCELLED"}
-        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self.cancel(context)
-            return {"CANCELLED"}
+    def is_lost(self):
+        return object_by_uid(self._camera) is None
+
+    def respond(self, context, event):
         if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
-            self._stop(context)
             return {"FINISHED"}
         if event.type == "R" and event.value == "PRESS":
             self._rolling = not self._rolling
@@ -106,6 +103,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
             self._step(event)
         else:
             return {"PASS_THROUGH"} if event.type.startswith("TIMER") else {"RUNNING_MODAL"}
+        camera = object_by_uid(self._camera)
         self._restore(camera)
         move_volume(camera, self._matrix())
         self._say(context)
@@ -160,21 +158,18 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         )
         if context.area is not None:
             context.area.header_text_set(amounts + ("    Rolling" if self._rolling else ""))
-        context.workspace.status_text_set(KEYS)
+        self.show(context, KEYS)
 
-    def _stop(self, context):
-        running.end(self)
-        if context.area is not None:
-            context.area.header_text_set(None)
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-
-    def cancel(self, context):
-        """Restore the volume; Blender calls this too when the window is closed."""
+    def give_up(self, _context):
+        """Restore the volume."""
         camera = object_by_uid(self._camera)
         if camera is not None:
             self._restore(camera)
-        self._stop(context)
+
+
+def _clear_header() -> None:
+    if bpy.context.area is not None:
+        bpy.context.area.header_text_set(None)
 
 
 def _depth(camera, surface) -> float:

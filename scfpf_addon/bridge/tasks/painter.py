@@ -18,6 +18,9 @@ Image = TypeVar("Image")
 class Painter(Generic[Request, Image]):
     """Paints the latest request. A subclass defines ``_paint``; only Blender's main thread calls the rest.
 
+    A task serves requests as long as there are any: a drag would otherwise start a thread a move. A timer
+    redraws the viewport, and ends when the painter is not ``busy``.
+
     image, message: the newest image, or the message of an error instead. number: differs with each of them.
     asked: the number of requests. answered: that of the last request that has an image or a message.
     """

@@ -67,8 +67,13 @@ class Task(Generic[Result]):
             self._thread.join()
 
     def result(self) -> Result | None:
-        """Wait for the thread and return the result, None if cancelled. Raises the exception of the work."""
+        """Wait for the thread and return the result, None if cancelled. Raises the work's exception once."""
         self.wait()
-        if self._error is not None:
-            raise self._error
+        error, self._error = self._error, None
+        try:
+            if error is not None:
+                raise error
+        finally:
+            # The exception refers to this call: together they would hold all arrays of the work.
+            del error
         return None if self.cancelled else self._result

@@ -261,7 +261,7 @@ def test_a_target_of_less_weight_may_yield_and_is_warned_of(camera, addon, monke
     aim = camera.scfpf.aim
     assert "'Corner' is 7" in aim.flaws and aim.message.startswith(aim.flaws)
     reported = []
-    watched = addon("operators.aim.watched").Watched
+    watched = addon("operators.aim.solve_job").SolveJob
     operator = SimpleNamespace(report=lambda kind, text: reported.append((kind, text)))
     watched.tell(operator, camera, aim.message)
     aim.flaws = ""

@@ -67,7 +67,7 @@ def test_arrow_keys_move_the_pointer_to_where_enter_clicks(addon):
         ("DOWN_ARROW", True),
     ):
         event = types.SimpleNamespace(type=key, shift=shift, **at)
-        assert click.modal(tool, context, event) == {"RUNNING_MODAL"}
+        assert click.respond(tool, context, event) == {"RUNNING_MODAL"}
     assert moved == [(190, 100), (201, 100), (200, 110), (200, 99)]
 
 
@@ -77,11 +77,11 @@ def test_enter_picks_the_middle_where_the_mouse_is_beside_the_picture(addon):
     tool = types.SimpleNamespace(
         without_mouse=click.without_mouse,
         position_at=lambda *_place: None,
-        cancel=lambda _context: None,
+        leave=lambda: None,
         poll=lambda _context: True,
         execute=lambda _context: {"FINISHED"},
     )
     beside = {"value": "PRESS", "mouse_x": 0, "mouse_y": 0}
-    assert click.modal(tool, None, types.SimpleNamespace(type="LEFTMOUSE", **beside)) == {"RUNNING_MODAL"}
-    assert click.modal(tool, None, types.SimpleNamespace(type="RET", **beside)) == {"FINISHED"}
+    assert click.respond(tool, None, types.SimpleNamespace(type="LEFTMOUSE", **beside)) == {"RUNNING_MODAL"}
+    assert click.respond(tool, None, types.SimpleNamespace(type="RET", **beside)) == {"FINISHED"}
     assert (tool.x, tool.y) == (0.5, 0.5)

@@ -212,9 +212,12 @@ def test_a_click_after_what_it_was_for_is_gone(addon, camera, monkeypatch):
         def report(self, _kind, text):
             said.append(text)
 
+        def leave(self):
+            said.append("left")
+
     def pressed():
         event = type("Event", (), {"type": "LEFTMOUSE", "value": "PRESS", "mouse_x": 0, "mouse_y": 0})
-        return Waiting().modal(bpy.context, event)
+        return Waiting().respond(bpy.context, event)
 
     bpy.ops.scfpf.mapping_add(kind="LENS")
     assert pressed() == {"FINISHED"} and tuple(camera.scfpf.mappings[0].centre) == (0.25, 0.75)

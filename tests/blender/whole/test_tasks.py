@@ -4,6 +4,7 @@
 The jobs are those of the product. What they do in the thread is replaced where it must fail or wait.
 """
 
+import contextlib
 import gc
 import threading
 import time
@@ -299,12 +300,15 @@ def test_a_retired_painter_paints_no_more(painter):
 # What only tasks do
 
 
-def test_a_task_holds_nothing_of_its_work_afterwards(addon):
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_task_holds_nothing_of_its_work_afterwards(addon, fails):
     """Images are large: what the work holds is freed without Python's collector of circles."""
 
     class Arrays:
         def work(self, task):
             task.progress = 0.5
+            if fails:
+                raise ZeroDivisionError
             return "done"
 
     arrays = Arrays()
@@ -314,7 +318,11 @@ def test_a_task_holds_nothing_of_its_work_afterwards(addon):
     gc.disable()
     try:
         task.start()
-        assert task.result() == "done" and task.progress == 0.5
-        assert held() is None
+        if fails:
+            with contextlib.suppress(ZeroDivisionError):
+                task.result()
+        else:
+            assert task.result() == "done"
+        assert task.progress == 0.5 and held() is None
     finally:
         gc.enable()
