@@ -116,6 +116,9 @@ def run_tiles(
         ends.set()
         for thread in running:
             thread.join()
+        # An exception that stayed here would hold its thread's scene, in a circle of references.
+        for _ in _taken(ended, 0.0):
+            pass
     return True
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cancelled tiles end at the next rays that they cast, wherever they are."""
 
+import gc
+import weakref
 from threading import Event, Thread, get_ident
 
 import numpy as np
@@ -78,6 +80,29 @@ def test_a_cancelled_image_ends_amid_tiles_that_never_would(scene):
     assert not run_tiles(work, tiles, 2, lambda *_: None, cancelled=started.is_set)
     assert 1 <= len(ended) <= 2
     raise_if_cancelled()
+
+
+def test_a_cancelled_image_holds_nothing_of_its_scene():
+    """Scenes are large: they are freed without Python's collector, which may come when Embree has ended."""
+
+    class Scene:
+        pass
+
+    started, held = Event(), []
+
+    def work(_job):
+        scene = Scene()
+        held.append(weakref.ref(scene))
+        started.set()
+        while True:
+            raise_if_cancelled()
+
+    gc.disable()
+    try:
+        assert not run_tiles(work, [slice(0, 1)], 1, lambda *_: None, cancelled=started.is_set)
+        assert len(held) == 1 and held[0]() is None
+    finally:
+        gc.enable()
 
 
 def test_a_failing_tile_ends_the_others_and_is_what_is_raised(scene):
