@@ -15,10 +15,12 @@ def register():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, events
     from .scfpf_addon.bridge.render import type_registration
+    from .scfpf_addon.engines import anchors_job
 
     type_registration.register_types(_types())
     bridge.register()
     cycles.register()
+    anchors_job.register()
     events.register()
     operators.register()
     panels.register()
@@ -28,10 +30,12 @@ def unregister():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, events, scanline
     from .scfpf_addon.bridge.render import type_registration
+    from .scfpf_addon.engines import anchors_job
 
     panels.unregister()
     operators.unregister()
     events.unregister()
+    anchors_job.unregister()
     cycles.unregister()
     scanline.unregister()
     bridge.unregister()

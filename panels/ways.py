@@ -4,9 +4,11 @@
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
 from ..operators.common.words import label_text
+from ..scfpf_addon.bridge.blender import versions
 from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
-from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
+from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera, renders_by_cycles
+from ..scfpf_addon.cycles.rig_data import CYCLES
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from .base import draw_text
@@ -47,6 +49,11 @@ def draw_ways(layout, context, camera) -> None:
     by_engine = scene.render.engine == ENGINE and shown == camera.name
     row.operator("scfpf.engine_use", text="SCFPF Engine", depress=by_engine)
     row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
+    row = column.row(align=True)
+    own = scene.render.engine in {ENGINE, CYCLES, versions.EEVEE}
+    text = label_text("Render with {0}", "EEVEE" if own else engine_name(scene))
+    found = row.operator("scfpf.joined_render", text=text)
+    found.camera, found.engine = camera.name, "EEVEE" if own else "SCENE"
     if renders_by_cycles(scene, camera) and shown_layers(camera):
         draw_text(layout, NOT_BY_F12, "INFO")
     if shown != camera.name:

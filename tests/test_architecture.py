@@ -11,8 +11,11 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 # From the ground up: a layer may import those before it.
-LAYERS = ("projection", "casting", "aim", "shading", "bridge", "scanline", "cycles", "operators", "panels")
-PURE = LAYERS[:4]
+LAYERS = (
+    *("projection", "casting", "aim", "shading", "anchors"),
+    *("bridge", "scanline", "cycles", "engines", "operators", "panels"),
+)
+PURE = LAYERS[:5]
 PRODUCT = ("scfpf_addon", "operators", "panels")
 
 

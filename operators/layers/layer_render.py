@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render pictures with layers by Cycles: render by render in a window, at once for scripts and farms.
+"""Render pictures that several renders of Blender make: by Cycles with layers, or joined from any engine's.
 
-The work in a window is done by Blender's own render job, for which the operator waits.
+In a window they are made render by render, for scripts and farms at once. The work in a window is done by Blender's own render job, for which the operator waits.
 """
 
 from __future__ import annotations
 
 import bpy
 from bpy.app.handlers import persistent
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
+from ...scfpf_addon.bridge.blender import versions
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
-from ...scfpf_addon.cycles.layers.layers_job import LayersJob, render_layers
+from ...scfpf_addon.cycles.layers.layers_job import LayersJob, all_at_once
+from ...scfpf_addon.engines.anchors_job import AnchorsJob
 from ..common.errors import refused
 from ..common.modal_job import ModalJob, in_window, is_running
 from ..common.target import chosen_camera, take_up_edits
@@ -24,6 +26,11 @@ from ..image.preparation import poll_no_render
 # Seconds between two looks at Blender's render.
 TICK = 0.1
 CANCELED = "Render canceled: the previous picture is unchanged"
+ENGINES = (
+    ("EEVEE", "EEVEE", "Blender's real-time engine"),
+    ("WORKBENCH", "Workbench", "The engine of solid viewports"),
+    ("SCENE", "Scene's Engine", "The render engine that the scene has"),
+)
 WAIT = "Blender is rendering: wait for it, or press Esc to cancel it"
 
 # Whether Blender's render was cancelled while the operator runs.
@@ -35,12 +42,11 @@ def _note_cancel(*_) -> None:
     _cancelled.append(True)
 
 
-class SCFPF_OT_layers_render(ModalJob, bpy.types.Operator):
-    """Render the picture with its layers by Cycles, one render a layer; Esc cancels, the old picture stays"""
+class PicturesRender(ModalJob):
+    """What operators share that render pictures of several renders.
 
-    bl_idname = "scfpf.layers_render"
-    bl_label = "Render Layers with Cycles"
-    bl_options = {"REGISTER"}
+    Those have ``new_job``, which makes their ``LayersJob``.
+    """
 
     seconds = TICK
     canceled = CANCELED
@@ -73,7 +79,7 @@ class SCFPF_OT_layers_render(ModalJob, bpy.types.Operator):
 
     def execute(self, context):
         try:
-            job = render_layers(context, *self._wanted(context))
+            job = all_at_once(self.new_job(context, *self._wanted(context)))
         except USER_ERRORS as error:
             return refused(self, error)
         return self._finish(context, job)
@@ -82,7 +88,7 @@ class SCFPF_OT_layers_render(ModalJob, bpy.types.Operator):
         if not in_window(context):
             return self.execute(context)
         try:
-            self._job = LayersJob(context, *self._wanted(context))
+            self._job = self.new_job(context, *self._wanted(context))
         except USER_ERRORS as error:
             return refused(self, error)
         _cancelled.clear()
@@ -153,4 +159,36 @@ class SCFPF_OT_layers_render(ModalJob, bpy.types.Operator):
 PASSED = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WINDOW_DEACTIVATE", "ESC"}
 
 
-register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_layers_render,))
+class SCFPF_OT_layers_render(PicturesRender, bpy.types.Operator):
+    """Render the picture with its layers by Cycles, one render a layer; Esc cancels, the old picture stays"""
+
+    bl_idname = "scfpf.layers_render"
+    bl_label = "Render Layers with Cycles"
+    bl_options = {"REGISTER"}
+
+    def new_job(self, context, camera, frames, path):
+        return LayersJob(context, camera, frames, path)
+
+
+class SCFPF_OT_joined_render(PicturesRender, bpy.types.Operator):
+    """Render by an engine that knows ordinary cameras only, and join the picture from a few of its renders;
+    Esc cancels, the old picture stays"""
+
+    bl_idname = "scfpf.joined_render"
+    bl_label = "Render with Another Engine"
+    bl_options = {"REGISTER"}
+
+    engine: EnumProperty(
+        name="Engine",
+        description="The engine whose renders are joined; the scene keeps its own",
+        items=ENGINES,
+        default="SCENE",
+        options={"SKIP_SAVE"},
+    )
+
+    def new_job(self, context, camera, frames, path):
+        renderers = {"EEVEE": versions.EEVEE, "WORKBENCH": "BLENDER_WORKBENCH", "SCENE": ""}
+        return AnchorsJob(context, camera, frames, path, renderers[self.engine])
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_layers_render, SCFPF_OT_joined_render))

@@ -53,7 +53,7 @@ def f12_warning(scene) -> str:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
     return Message(
         "{0} ignores the volume of '{1}': choose SCFPF as render engine, "
-        "or press Cycles in the camera's panel",
+        "or press Cycles or Render with EEVEE in the camera's panel",
         engine_name(scene),
         camera.name,
     )

@@ -12,6 +12,8 @@ import warnings
 import bpy
 
 RNA_INPUTS_SINCE = (5, 2, 0)
+# The identifier of EEVEE as a render engine.
+EEVEE = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
 # Formats of files whose colours are multiplied by alpha.
 PREMULTIPLIED_FORMATS = {"OPEN_EXR", "OPEN_EXR_MULTILAYER"}
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import bpy
 
 from ...projection.user_error import UserError
+from ..blender import versions
 from ..blender.rig_mark import camera_behind
 from ..blender.user_errors import USER_ERRORS, reason
 from ..settings.stylised_styles import STYLES, apply_style
@@ -30,6 +31,8 @@ BUG = 2
 
 # The function that renders by Cycles, which is in a layer above: (camera, frames, path) to warnings, outcome.
 CYCLES_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
+# The same by other engines: (engine, camera, frames, path).
+ENGINE_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
 
 
 class _Parser(argparse.ArgumentParser):
@@ -82,6 +85,11 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="path-trace the picture and its layers by Cycles, with the file's settings of that",
     )
+    render.add_argument(
+        "--engine",
+        choices=["eevee", "workbench", "scene"],
+        help="join the picture from ordinary ones by this engine, or by that of the file's scene",
+    )
     render.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
     render.add_argument(
         "--frame", metavar="N", type=_frame, help="the frame (default: the file's current one)"
@@ -91,7 +99,7 @@ def parser() -> argparse.ArgumentParser:
         metavar=("FIRST", "LAST"),
         nargs=2,
         type=_frame,
-        help="the frames of an animation, with --cycles; # in OUT stands for their digits",
+        help="the frames of an animation, with --cycles or --engine; # in OUT stands for their digits",
     )
     render.add_argument(
         "--pixel-error",
@@ -135,8 +143,12 @@ def _render(options) -> None:
         why = str(error).removeprefix("Error: ").split(" in file ")[0]
         raise UserError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
-    if options.frames and not options.cycles:
-        raise UserError("--frames needs --cycles: for SCFPF's own engine use blender -b FILE -E SCFPF -a")
+    if options.cycles and options.engine:
+        raise UserError("--cycles and --engine exclude each other")
+    if options.frames and not (options.cycles or options.engine):
+        raise UserError(
+            "--frames needs --cycles or --engine: for SCFPF's own engine use blender -b FILE -E SCFPF -a"
+        )
     # A path that cannot be written is reported before the render.
     output = with_ending(str(options.output.absolute()), scene)
     require_place(output)
@@ -147,8 +159,8 @@ def _render(options) -> None:
     elif options.style:
         apply_style(scene, options.style.upper())
     camera = _camera(scene, options.camera)
-    if options.cycles:
-        _render_by_cycles(camera, options, output)
+    if options.cycles or options.engine:
+        _render_by_others(camera, options, output)
         return
     inputs = prepare(scene, bpy.context.view_layer, camera, options.pixel_error)
     for warning in inputs.scene.warnings:
@@ -160,10 +172,15 @@ def _render(options) -> None:
     print(f"scfpf: {path}: {frame.report.summary()}")
 
 
-def _render_by_cycles(camera, options, output: str) -> None:
-    """Render one frame or several by Cycles, layers included."""
+def _render_by_others(camera, options, output: str) -> None:
+    """Render one frame or several by Cycles, layers included, or by the engine of an option."""
     first, last = options.frames or (0, -1)
-    warnings, outcome = CYCLES_RENDERS[0](camera, range(first, last + 1), output)
+    frames = range(first, last + 1)
+    if options.cycles:
+        warnings, outcome = CYCLES_RENDERS[0](camera, frames, output)
+    else:
+        engines = {"eevee": versions.EEVEE, "workbench": "BLENDER_WORKBENCH", "scene": ""}
+        warnings, outcome = ENGINE_RENDERS[0](engines[options.engine], camera, frames, output)
     for warning in warnings:
         print(f"scfpf: warning: {warning}", file=sys.stderr)
     print(f"scfpf: {output}: {outcome}")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 
@@ -32,8 +33,10 @@ class LayersJob:
     """Pictures with layers, one a frame. Call ``close`` in any case: the artist's scene is as before then.
 
     Between two steps it keeps names and numbers only. warnings: what the pictures do not show as asked.
-    written: the files. outcome: what was rendered, and in what time.
+    written: the files. outcome: what was rendered, and in what time. engine: the name of what renders.
     """
+
+    engine = "Cycles"
 
     def __init__(self, context, camera, frames: Sequence[int] = (), path: str = "") -> None:
         """frames: of an animation, none for the scene's present frame. path: of files, see ``frame_file``.
@@ -41,7 +44,7 @@ class LayersJob:
         Raises USER_ERRORS.
         """
         scene = context.scene
-        require_cycles(scene)
+        self.require(scene)
         self._scene, self._layer, self._camera = (
             scene.session_uid,
             context.view_layer.name,
@@ -49,8 +52,8 @@ class LayersJob:
         )
         self._is_animation, self._path = bool(frames), path
         self._frames = [*frames] or [scene.frame_current]
-        self._passing: TemporaryScene | None = None
-        self._render: LayeredRender | None = None
+        self._passing: Any = None
+        self._render: Any = None
         self._frame_before, self._moved = (scene.frame_current, scene.frame_subframe), False
         self._begun, self._count = time.monotonic(), len(self._frames)
         self._done, self._text = 0, ""
@@ -59,6 +62,15 @@ class LayersJob:
         self.outcome = ""
         if path:
             require_place(self._file(self._frames[0]))
+
+    def require(self, scene) -> None:
+        """Raise UserError if pictures of a scene cannot be rendered so."""
+        require_cycles(scene)
+
+    def picture(self, scene, view_layer):
+        """The temporary scene of one picture, which has its name, and the picture's renders."""
+        passing = TemporaryScene(scene, view_layer)
+        return passing, LayeredRender(passing)
 
     def step(self) -> bool:
         """Take what Blender has rendered, and prepare its next render; False after the last picture.
@@ -133,9 +145,8 @@ class LayersJob:
                 # Renders of a copy show objects as the artist's scene has evaluated them.
                 self._moved = True
                 scene.frame_set(frame)
-            self._passing = TemporaryScene(scene, scene.view_layers[self._layer])
+            self._passing, self._render = self.picture(scene, scene.view_layers[self._layer])
             self._frame, self._done = frame, 0
-            self._render = LayeredRender(self._passing)
             self._steps = self._render.steps(camera)
             return True
         return False
@@ -157,7 +168,7 @@ class LayersJob:
         if path and not is_multilayer(path, scene):
             self.written.append(save_result(result_image(), path, scene))
         made = f"{len(self.written)} pictures, " if self._is_animation else ""
-        self.outcome = f"{made}{width}×{height} by Cycles in {time.monotonic() - self._begun:.1f} s"
+        self.outcome = f"{made}{width}×{height} by {self.engine} in {time.monotonic() - self._begun:.1f} s"
 
     def _deliver_passes(self, passes: dict[str, Pass], path: str) -> None:
         """Write the file of a picture with its passes if it is to have them; keep those of the last one."""
@@ -194,7 +205,11 @@ def unregister():
 
 def render_layers(context, camera, frames: Sequence[int] = (), path: str = "") -> LayersJob:
     """Do all of a ``LayersJob`` at once, and return it. Raises USER_ERRORS; earlier files stay then."""
-    job = LayersJob(context, camera, frames, path)
+    return all_at_once(LayersJob(context, camera, frames, path))
+
+
+def all_at_once(job):
+    """Do all steps of a job, and return it. Raises USER_ERRORS."""
     try:
         while job.step():
             job.render(in_window=False)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An anchor: an ordinary camera, as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..projection.arrays import transform
+from ..projection.typing import Array, BoolArray, IndexArray
+
+
+class Window(NamedTuple):
+    """A rectangle across an anchor's view: at distance 1 before the eye, or in world units if rays are
+    parallel."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @property
+    def extent(self) -> Array:
+        """Width and height, (2,)."""
+        return np.array([self.right - self.left, self.top - self.bottom])
+
+
+class AnchorPlaces(NamedTuple):
+    """Where an anchor sees N points.
+
+    across, up: (N,), in pixels from the lower left corner of its picture; the first pixel's centre is at 0.5.
+    depth: (N,), distances along the axis.
+    """
+
+    across: Array
+    up: Array
+    depth: Array
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A camera that sees a part of what an image shows.
+
+    matrix: (4, 4), its axes (right, up, back) and its place in the world, without scale. size: of its
+    picture in pixels, which are square. start, end: the distances along the axis between which things are
+    rendered.
+    """
+
+    matrix: Array
+    window: Window
+    size: tuple[int, int]
+    start: float
+    end: float
+    is_parallel: bool = False
+
+    @property
+    def eye(self) -> Array:
+        """The place of the camera, (3,)."""
+        place: Array = self.matrix[:3, 3]
+        return place
+
+    @property
+    def texel(self) -> float:
+        """The side of a pixel in the window."""
+        return float(self.window.extent[0] / self.size[0])
+
+    @property
+    def count(self) -> int:
+        """The number of pixels."""
+        return self.size[0] * self.size[1]
+
+    def places(self, points: Array) -> AnchorPlaces:
+        """Where the anchor sees world points (3, N); those at or behind its eye have a depth of 0 or less."""
+        turned = self.matrix[:3, :3].T
+        across, up, back = transform(turned, points, -turned @ self.eye)
+        depth = -back
+        if not self.is_parallel:
+            ahead = np.where(depth > 0.0, depth, np.inf)
+            across, up = across / ahead, up / ahead
+        return AnchorPlaces(
+            (across - self.window.left) / self.texel, (up - self.window.bottom) / self.texel, depth
+        )
+
+    def holds(self, places: AnchorPlaces) -> BoolArray:
+        """Return whether places are in the picture, with all four pixels around them, (N,)."""
+        width, height = self.size
+        inside: BoolArray = (places.across >= 0.5) & (places.across <= width - 0.5)
+        inside &= (places.up >= 0.5) & (places.up <= height - 0.5)
+        return inside & (places.depth > self.start) & (places.depth < self.end)
+
+    def directions(self, points: Array) -> Array:
+        """Unit directions (3, N) in which the anchor sees world points (3, N)."""
+        if self.is_parallel:
+            return np.broadcast_to(-self.matrix[:3, 2:3], points.shape)
+        way = points - self.eye[:, None]
+        directions: Array = way / np.maximum(np.linalg.norm(way, axis=0), np.finfo(np.float64).tiny)
+        return directions
+
+    def lengths(self, depth: Array) -> Array:
+        """The lengths (N,) of a pixel's side at distances (N,) along the axis, in world units."""
+        return np.full(len(depth), self.texel) if self.is_parallel else self.texel * depth
+
+    def rays(self, column: IndexArray, row: IndexArray) -> tuple[Array, Array]:
+        """Rays through the centres of pixels (N,) each: points (3, N) at ``start``, and ways (3, N) by which
+        the distance along the axis grows by 1."""
+        across = self.window.left + (column + 0.5) * self.texel
+        up = self.window.bottom + (row + 0.5) * self.texel
+        axes, ones = self.matrix[:3, :3], np.ones(len(across))
+        if self.is_parallel:
+            way = np.broadcast_to(-axes[:, 2:3], (3, len(across)))
+            begin = transform(axes, np.stack([across, up, -self.start * ones]), self.eye)
+            return begin, way
+        way = transform(axes, np.stack([across, up, -ones]))
+        return self.eye[:, None] + way * self.start, way

@@ -1,0 +1,423 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The plan of an image's anchors: few cameras that together see what it shows.
+
+If all projectors come from one point, anchors stand there: one that looks as the image does, or the faces of
+a cube. Otherwise they are chosen one after the other by what each adds for its pixels, as in the greedy
+algorithm for set covers (Chvátal 1979). Candidates are the pinholes nearest to the projectors of parts of the
+image, parallel cameras, and cameras near to what these parts show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..casting.common.cancellation import raise_if_cancelled
+from ..casting.scene.cast_scene import CastScene
+from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.volume.viewing_volume import Projection
+from .anchor import Anchor, Window
+from .shown_points import ShownPoints, shown_points
+
+# Image positions along the longer side that the first round looks at, and those of the second one.
+COLUMNS, MORE_COLUMNS = 64, 160
+# The first and last positions are so far inside the image.
+EDGE = 1e-6
+# Projectors that pass a point within this share of their distance come from it.
+ONE_EYE = 1e-3
+# The half of the widest field of view that one anchor serves, as a tangent: 100°.
+WIDEST = float(np.tan(np.radians(50.0)))
+# A face of the cube reaches this far beyond its edges, as a factor: neighbours share what fades.
+FACE = 1.06
+# Rows of nearly square parts of the image, and numbers of strips across or up it; they overlap by half.
+ROWS, STRIPS = (1, 2, 3, 4, 6), (2, 4, 8, 12)
+# A part with fewer points makes no candidate.
+FEWEST = 4
+# Near cameras stand so many radii of a part's points away.
+NEAR = (2.0, 4.0)
+# The share of a part's points whose wish for pixels its anchor meets.
+WISHES = 0.1
+# Points that would have pixels larger than this, as a share of the image's, are not seen well enough.
+COARSEST = 1.25
+# The least cosine between an anchor's ray and a normal, and as a share of the projector's own.
+LEAST_COSINE, SHARE_OF_COSINE = 0.05, 0.4
+# An anchor costs as much as this share of the image's pixels, besides its own pixels.
+FIXED_COST = 1.5
+# An anchor that adds less than this share of the points is not worth a render.
+LEAST_GAIN = 2e-4
+# The window of an anchor is wider than the points looked at by so many of its pixels and by this share of it
+# on each side, for what lies between and beside them; things are rendered from this share before the nearest.
+MARGIN, GROWN, BEFORE = 3.0, 0.04, 0.01
+# What lies farther than this multiple of the farthest point is not rendered.
+BEYOND = 4.0
+# Nothing is rendered that is nearer than this share of the nearest point.
+NEAREST = 1e-3
+MOST_SIDE = 8192
+
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """What anchors have to do.
+
+    angle: the largest one between an anchor's ray and the projector, radians. texels: an anchor's pixels
+    along a side of the image's pixel. most: the number of anchors. coverage: the share of points after which
+    no further one is added.
+    """
+
+    angle: float = float(np.radians(20.0))
+    texels: float = 1.5
+    most: int = 64
+    coverage: float = 0.9995
+
+
+@dataclass(frozen=True)
+class AnchorPlan:
+    """The anchors of an image.
+
+    covered: the share of the points looked at that an anchor sees. pixels: those of all anchors, as a
+    multiple of the image's. is_one_eye: whether all projectors come from one point.
+    """
+
+    anchors: tuple[Anchor, ...]
+    covered: float
+    pixels: float
+    is_one_eye: bool
+
+
+@dataclass(eq=False)
+class _Candidate:
+    """An anchor that may be chosen. sees: (N,), the points that it serves; of those, the ones that nothing
+    hides once ``is_checked``."""
+
+    anchor: Anchor
+    sees: BoolArray
+    is_checked: bool = False
+
+
+def plan_anchors(
+    scene: CastScene,
+    projections: Sequence[Projection],
+    size: tuple[int, int],
+    axes: Array,
+    limits: PlanLimits | None = None,
+) -> AnchorPlan:
+    """Plan the anchors of an image, or of some frames of a shot.
+
+    projections: in world space, of one or more frames. size: of the image in pixels. axes: (3, 3), right, up
+    and back of its camera. Raises CastError and Cancelled.
+    """
+    limits = limits or PlanLimits()
+    points = _looked_at(scene, projections, size, COLUMNS)
+    if not len(points.number):
+        return AnchorPlan((), 1.0, 0.0, False)
+    eye = common_eye(points)
+    if eye is not None:
+        anchors = _from_one_eye(points, eye, axes, size, limits)
+        return _plan(scene, anchors, points, size, limits, True)
+    points = points.take(np.flatnonzero(points.is_hit))
+    cover = _Cover(scene, size, limits)
+    anchors = cover.extended((), points)
+    more = _looked_at(scene, projections, size, MORE_COLUMNS)
+    more = more.take(np.flatnonzero(more.is_hit))
+    anchors = cover.extended(anchors, more)
+    return _plan(scene, anchors, more, size, limits, False)
+
+
+def sky_anchors(
+    scene: CastScene, projection: Projection, size: tuple[int, int], axes: Array, limits: PlanLimits
+) -> list[Anchor]:
+    """Anchors of the world alone, in the middle of a scene, for what projectors see that meet nothing."""
+    points = _looked_at(scene, [projection], size, COLUMNS)
+    points = points.take(np.flatnonzero(~points.is_hit))
+    if not len(points.number):
+        return []
+    return _from_one_eye(at_infinity(points, scene.centre), scene.centre, axes, size, limits)
+
+
+def at_infinity(points: ShownPoints, eye: Array) -> ShownPoints:
+    """Points that an eye (3,) sees in the directions in which their projectors leave, all at distance 1."""
+    length = points.length / np.maximum(np.linalg.norm(points.position - points.begin, axis=0), 1e-300)
+    place = eye[:, None] + points.direction
+    return points._replace(position=place, begin=place, length=length)
+
+
+def _plan(
+    scene: CastScene,
+    anchors: Sequence[Anchor],
+    points: ShownPoints,
+    size: tuple[int, int],
+    limits: PlanLimits,
+    is_one_eye: bool,
+) -> AnchorPlan:
+    points = points.take(np.flatnonzero(points.is_hit))
+    seen = np.zeros(len(points.number), bool)
+    for anchor in anchors:
+        seen |= _unhidden(scene, anchor, points, serves(anchor, points, limits))
+    pixels = sum(anchor.count for anchor in anchors) / (size[0] * size[1])
+    return AnchorPlan(tuple(anchors), float(seen.mean()) if len(seen) else 1.0, pixels, is_one_eye)
+
+
+def _looked_at(
+    scene: CastScene, projections: Sequence[Projection], size: tuple[int, int], columns: int
+) -> ShownPoints:
+    """The points that images show at positions of a grid. number: of the position in the grid."""
+    longer = max(size)
+    # The borders too, a little inside: rounding decides there.
+    sides = (np.linspace(EDGE, 1.0 - EDGE, max(3, round(columns * side / longer))) for side in size)
+    x, y = (grid.ravel() for grid in np.meshgrid(*sides))
+    pixel_size = 1.0 / size[0], 1.0 / size[1]
+    found = []
+    for projection in projections:
+        raise_if_cancelled()
+        found.append(shown_points(scene, projection, x, y, pixel_size))
+    return ShownPoints._make(np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+
+
+def common_eye(points: ShownPoints) -> Array | None:
+    """The point (3,) from which all projectors come, or None."""
+    eye = nearest_to_lines(points.position, points.direction)
+    if eye is None:
+        return None
+    way = points.position - eye[:, None]
+    along = np.einsum("cn,cn->n", way, points.direction)
+    off = np.linalg.norm(way - points.direction * along, axis=0)
+    return eye if (along > 0.0).all() and (off <= ONE_EYE * along).all() else None
+
+
+def nearest_to_lines(position: Array, direction: Array) -> Array | None:
+    """The point (3,) with the least squares of distances to lines (3, N); None if they are parallel."""
+    outer = np.einsum("an,bn->ab", direction, direction)
+    normal = direction.shape[1] * np.eye(3) - outer
+    values, vectors = np.linalg.eigh(normal)
+    if values[0] <= 1e-9 * max(values[2], 1e-300):
+        return None
+    along = np.einsum("cn,cn->n", position, direction)
+    right = (position - direction * along).sum(axis=1)
+    point: Array = vectors @ ((vectors.T @ right) / values)
+    return point
+
+
+def _from_one_eye(
+    points: ShownPoints, eye: Array, axes: Array, size: tuple[int, int], limits: PlanLimits
+) -> list[Anchor]:
+    """One anchor that looks along the camera, or those faces of a cube around the eye that show anything."""
+    turned = axes.T @ (points.position - eye[:, None])
+    ahead = -turned[2]
+    if (ahead > 0.0).all():
+        reach = np.abs(turned[:2] / ahead).max()
+        if reach <= WIDEST:
+            return [_facing(axes, eye, points, size, limits)]
+    right, up, back = axes.T
+    faces = [(right, up, back), (-back, up, right), (back, up, -right), (-right, up, -back)]
+    faces += [(right, back, -up), (right, -back, up)]
+    anchors = []
+    for face in faces:
+        matrix = np.stack(face, axis=1)
+        turned = matrix.T @ (points.position - eye[:, None])
+        depth = -turned[2]
+        # Those that no other face is nearer to, and their neighbours.
+        within = (depth > 0.0) & (np.abs(turned[:2]).max(axis=0) <= FACE * depth)
+        if (within & (np.abs(turned[:2]).max(axis=0) <= depth)).any():
+            anchors.append(_facing(matrix, eye, points.take(np.flatnonzero(within)), size, limits))
+    return anchors
+
+
+def _facing(
+    axes: Array, eye: Array, points: ShownPoints, size: tuple[int, int], limits: PlanLimits
+) -> Anchor:
+    """The anchor at an eye, with the axes (3, 3), for points (N,) that are all before it."""
+    anchor = _framed(_matrix(axes, eye), points, size, limits, False)
+    assert anchor is not None
+    # Between the points there may be things as near as projectors begin.
+    first = float((axes[:, 2] @ (eye[:, None] - points.begin)).min())
+    return replace(anchor, start=max(first * (1.0 - BEFORE), NEAREST * anchor.start))
+
+
+def _matrix(axes: Array, place: Array) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes, place
+    return matrix
+
+
+def _framed(
+    matrix: Array, points: ShownPoints, size: tuple[int, int], limits: PlanLimits, is_parallel: bool
+) -> Anchor | None:
+    """The anchor at a place whose window holds points (N,), with pixels for most; None for an endless one."""
+    turned = matrix[:3, :3].T @ (points.position - matrix[:3, 3:])
+    depth = -turned[2]
+    scale = 1.0 if is_parallel else depth
+    low, high = ((turned[:2] / scale).min(axis=1), (turned[:2] / scale).max(axis=1))
+    low, high = low - GROWN * (high - low), high + GROWN * (high - low)
+    wished = points.length / scale / limits.texels
+    wished = wished[wished > 0.0]
+    if not len(wished):
+        return None
+    texel = float(np.quantile(wished, WISHES))
+    texel = max(texel, float((high - low).max()) / (MOST_SIDE - 2.0 * MARGIN))
+    # Pixels are square, and whole ones.
+    count = np.maximum(np.ceil((high - low) / texel + 2.0 * MARGIN), 2.0)
+    middle, half = 0.5 * (low + high), 0.5 * count * texel
+    window = Window(*(middle - half), *(middle + half))
+    nearest, farthest = float(depth.min()), float(depth.max())
+    start = nearest - BEFORE * (abs(nearest) if not is_parallel else farthest - nearest + texel)
+    end = start + BEYOND * (farthest - start)
+    if is_parallel:
+        # The camera stands a little before what it shows.
+        ahead = start - texel
+        matrix = _matrix(matrix[:3, :3], matrix[:3, 3] - ahead * matrix[:3, 2])
+        start, end = texel, end - ahead
+    across, up = count.astype(int).tolist()
+    return Anchor(matrix, window, (across, up), start, end, is_parallel)
+
+
+def serves(anchor: Anchor, points: ShownPoints, limits: PlanLimits) -> BoolArray:
+    """Return which points an anchor serves if nothing hides them, (N,): by angle, side and pixels."""
+    places = anchor.places(points.position)
+    seen = anchor.holds(places)
+    seen &= anchor.lengths(places.depth) <= COARSEST * points.length
+    ray = anchor.directions(points.position)
+    seen &= np.einsum("cn,cn->n", ray, points.direction) >= np.cos(limits.angle)
+    own = -np.einsum("cn,cn->n", points.normal, points.direction)
+    least = np.maximum(SHARE_OF_COSINE * own, LEAST_COSINE)
+    # What projectors graze is seen as well as they see it.
+    seen &= -np.einsum("cn,cn->n", points.normal, ray) >= np.minimum(least, own)
+    return seen
+
+
+def _unhidden(scene: CastScene, anchor: Anchor, points: ShownPoints, sees: BoolArray) -> BoolArray:
+    """Return which of the points that an anchor serves, (N,), it sees, (N,)."""
+    which = np.flatnonzero(sees)
+    position = points.position.take(which, 1)
+    depth = anchor.places(position).depth
+    back = -anchor.directions(position)
+    cosine = 1.0 if anchor.is_parallel else -(anchor.matrix[:3, 2] @ -back)
+    distance = (depth - anchor.start) / np.maximum(cosine, 1e-6)
+    inside = (position - scene.centre[:, None]) * scene.scale
+    origin = scene.offset_origins(inside, points.triangle.take(which), back)
+    seen = np.zeros(len(sees), bool)
+    seen[which] = ~scene.occluded(origin, back, distance * scene.scale)
+    return seen
+
+
+class _Cover:
+    """The greedy choice of anchors. size: of the image in pixels."""
+
+    def __init__(self, scene: CastScene, size: tuple[int, int], limits: PlanLimits) -> None:
+        self._scene, self._size, self._limits = scene, size, limits
+
+    def extended(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
+        """The anchors, and further ones for points (N,) that none of them sees."""
+        chosen = list(anchors)
+        count = len(points.number)
+        left = np.ones(count, bool)
+        for anchor in chosen:
+            left &= ~_unhidden(self._scene, anchor, points, serves(anchor, points, self._limits))
+        which = np.flatnonzero(left)
+        if not len(which):
+            return chosen
+        points = points.take(which)
+        candidates = list(self._candidates(points))
+        left = np.ones(len(which), bool)
+        enough = (1.0 - self._limits.coverage) * count
+        while candidates and len(chosen) < self._limits.most and left.sum() > enough:
+            raise_if_cancelled()
+            best = self._best(candidates, left, points)
+            gain = best.sees & left
+            if gain.sum() < max(LEAST_GAIN * count, 1.0):
+                break
+            candidates.remove(best)
+            trimmed = self._trimmed(best, points, gain)
+            chosen.append(trimmed)
+            seen = _unhidden(self._scene, trimmed, points, serves(trimmed, points, self._limits))
+            left &= ~(seen | gain)
+        return chosen
+
+    def _best(self, candidates: list[_Candidate], left: BoolArray, points: ShownPoints) -> _Candidate:
+        """The candidate that adds most for its cost. What hides points is looked up for those in front."""
+        costs = np.array([FIXED_COST + c.anchor.count / (self._size[0] * self._size[1]) for c in candidates])
+        gains = np.array([np.count_nonzero(c.sees & left) for c in candidates]) / costs
+        while True:
+            first = int(gains.argmax())
+            best = candidates[first]
+            if best.is_checked:
+                return best
+            best.sees = _unhidden(self._scene, best.anchor, points, best.sees)
+            best.is_checked = True
+            gains[first] = np.count_nonzero(best.sees & left) / costs[first]
+
+    def _trimmed(self, best: _Candidate, points: ShownPoints, gain: BoolArray) -> Anchor:
+        """The anchor with a window around what it adds."""
+        own = points.take(np.flatnonzero(gain))
+        anchor = best.anchor
+        framed = _framed(anchor.matrix, own, self._size, self._limits, anchor.is_parallel)
+        assert framed is not None
+        # Its pixels are as small as they were promised to be.
+        if framed.texel > anchor.texel:
+            factor = framed.texel / anchor.texel
+            across, up = (int(np.ceil(side * factor)) for side in framed.size)
+            extent = np.array([across, up]) * anchor.texel
+            middle = np.array([framed.window[0] + framed.window[2], framed.window[1] + framed.window[3]]) / 2
+            window = Window(*(middle - extent / 2), *(middle + extent / 2))
+            framed = replace(framed, window=window, size=(across, up))
+        return framed
+
+    def _candidates(self, points: ShownPoints) -> Iterator[_Candidate]:
+        for part in _parts(points, self._size):
+            own = points.take(part)
+            for matrix, is_parallel in _cameras(own):
+                raise_if_cancelled()
+                turned = matrix[:3, :3].T @ (own.position - matrix[:3, 3:])
+                depth = -turned[2]
+                near = is_parallel or (depth > 0.0).all()
+                if not near or (not is_parallel and np.abs(turned[:2] / depth).max() > WIDEST):
+                    continue
+                anchor = _framed(matrix, own, self._size, self._limits, is_parallel)
+                if anchor is None or anchor.count > 4 * self._size[0] * self._size[1]:
+                    continue
+                sees = serves(anchor, points, self._limits)
+                if sees.any():
+                    yield _Candidate(anchor, sees)
+
+
+def _parts(points: ShownPoints, size: tuple[int, int]) -> Iterator[IndexArray]:
+    """The points of overlapping parts of the image, each by their numbers (n,)."""
+    aspect = size[0] / size[1]
+    counts = {(max(1, round(rows * aspect)), rows) for rows in ROWS}
+    counts |= {pair for strips in STRIPS for pair in ((strips, 1), (1, strips))}
+    seen: set[bytes] = set()
+    for across, up in sorted(counts | {(1, 1)}):
+        cell = np.array([[1.0 / across], [1.0 / up]])
+        for column, row in np.ndindex(2 * across - 1, 2 * up - 1):
+            low = 0.5 * cell * [[column], [row]]
+            which = np.flatnonzero(((points.place >= low) & (points.place < low + cell)).all(axis=0))
+            if len(which) >= FEWEST and (key := which.tobytes()) not in seen:
+                seen.add(key)
+                yield which
+
+
+def _cameras(points: ShownPoints) -> Iterator[tuple[Array, bool]]:
+    """Cameras for points: their matrices, and whether their rays are parallel."""
+    mean = points.direction.mean(axis=1)
+    strength = np.linalg.norm(mean)
+    if strength < 0.2:
+        return
+    mean /= strength
+    axes = looking_along(mean)
+    middle = points.position.mean(axis=1)
+    radius = float(np.linalg.norm(points.position - middle[:, None], axis=0).max())
+    eye = nearest_to_lines(points.position, points.direction)
+    if eye is not None and np.linalg.norm(eye - middle) < 1e4 * max(radius, 1e-300):
+        yield _matrix(axes, eye), False
+    yield _matrix(axes, middle), True
+    for factor in NEAR:
+        yield _matrix(axes, middle - mean * (factor * radius)), False
+
+
+def looking_along(direction: Array) -> Array:
+    """Axes (3, 3), right, up and back, of a camera that looks along a unit direction (3,), upright."""
+    upright = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(direction, upright)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, direction), -direction], axis=1)

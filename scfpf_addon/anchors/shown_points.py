@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an image shows at some of its positions: points, and from where it sees them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.cast import cast
+from ..casting.curves.sampled_curves import MOST_SQUEEZE, across, pixel_widths
+from ..casting.scene.cast_scene import CastScene
+from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.volume.viewing_volume import Projection, image_derivatives
+
+
+class ShownPoints(NamedTuple):
+    """N points that an image shows.
+
+    position: (3, N), world space; of projectors that meet nothing, their ends. begin: (3, N), where the
+    projectors begin. direction: (3, N) unit, in
+    which projectors arrive. normal: (3, N) unit, of the side that is seen, 0 where nothing is met. length:
+    (N,), the side of the image's pixel there, in world units. triangle: (N,) int, -1 where nothing is met.
+    number: (N,), of the image position.
+    """
+
+    position: Array
+    begin: Array
+    direction: Array
+    normal: Array
+    length: Array
+    triangle: IndexArray
+    place: Array
+    number: IndexArray
+
+    @property
+    def is_hit(self) -> BoolArray:
+        """Return whether each point is on a thing, (N,)."""
+        found: BoolArray = self.triangle >= 0
+        return found
+
+    def take(self, which: IndexArray) -> ShownPoints:
+        """Those of ``which`` (n,)."""
+        return ShownPoints._make(each.take(which, -1) for each in self)
+
+
+def shown_points(
+    scene: CastScene,
+    projection: Projection,
+    x: Array,
+    y: Array,
+    pixel_size: tuple[float, float],
+    pixel_error: float = 0.1,
+) -> ShownPoints:
+    """Cast at image positions x, y (N,) in [0, 1]; positions that show nothing at all are left out.
+
+    projection: in world space. pixel_size, pixel_error: as for ``cast``. Raises CastError.
+    """
+    hits = cast(scene, projection.transformed(scene.matrix), x, y, pixel_size, pixel_error)
+    kept = np.flatnonzero(hits.mask)
+    t, triangle = hits.t.take(kept), hits.triangle.take(kept).astype(np.int64)
+    is_hit = triangle >= 0
+    position = hits.position.take(kept, 1) / scene.scale + scene.centre[:, None]
+    tangent = hits.tangent.take(kept, 1)
+    speed = np.linalg.norm(tangent, axis=0)
+    direction = tangent / np.maximum(speed, np.finfo(np.float64).tiny)
+    normal = np.zeros_like(position)
+    normal[:, is_hit] = scene.normals(triangle[is_hit])
+    normal *= -np.copysign(1.0, np.einsum("cn,cn->n", normal, direction))
+    place = np.stack([x.take(kept), y.take(kept)])
+    length = _lengths(projection, place, np.where(is_hit, t, 1.0), direction, pixel_size)
+    first = projection.volume.spans.weights(np.zeros(1))[0][:, 0]
+    begin = np.einsum("k,kcn->cn", first, projection.projectors(*place).points)
+    return ShownPoints(position, begin, direction, normal, length, triangle, place, kept)
+
+
+def _lengths(
+    projection: Projection, place: Array, t: Array, direction: Array, pixel_size: tuple[float, float]
+) -> Array:
+    """The sides (N,) of squares as large as the image's pixels at t (N,) of projectors, in world units."""
+    image = projection.parameters(*place)
+    with np.errstate(invalid="ignore", over="ignore"):
+        controls = projection.volume.controls(image.u, image.v)
+        weights, _ = projection.volume.spans.weights(t)
+        sides = [
+            across(np.einsum("kn,kcn->cn", weights, control) * size, direction)
+            for control, size in zip(
+                image_derivatives(controls.du, controls.dv, image.jacobian), pixel_size, strict=True
+            )
+        ]
+        xx, yy, xy = (
+            np.einsum("cn,cn->n", sides[one], sides[other]) for one, other in ((0, 0), (1, 1), (0, 1))
+        )
+        wide, narrow = pixel_widths(xx, yy, xy)
+        # Near a pole and at a fold pixels are squeezed by any factor, for which nobody looks so closely.
+        narrow = np.maximum(narrow, wide / MOST_SQUEEZE**2)
+        return np.nan_to_num((wide * narrow) ** 0.25)

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene in which anchors are rendered: a linked copy of the artist's, removed afterwards.
+
+It shares objects, world and collections with the scene, which itself stays as it is.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from contextlib import suppress
+
+import bpy
+from mathutils import Matrix
+
+from ..anchors.anchor import Anchor
+from ..bridge.blender.all_or_nothing import all_or_nothing
+from ..bridge.blender.rig_mark import PASSING_KEY
+from ..bridge.blender.versions import image_format_properties
+from ..cycles.layers.temporary_scene import FORMAT
+from ..cycles.rig_data import rigs
+from ..projection.user_error import UserError
+
+CAMERA = "SCFPF Anchor"
+# The width of the pixel filter: each pixel of an anchor shows one place.
+POINT = 0.01
+# An engine's camera shows nothing nearer than this.
+NEAREST = 1e-6
+# What an ordinary camera's own picture has as the scene says.
+OF_OWN_VIEW = (
+    "filter_size",
+    "pixel_aspect_x",
+    "pixel_aspect_y",
+    "resolution_percentage",
+    "resolution_x",
+    "resolution_y",
+    "use_motion_blur",
+)
+
+
+def has_cycles(scene) -> bool:
+    """Return whether a scene has settings of Cycles, which may be disabled."""
+    return hasattr(scene, "cycles")
+
+
+class AnchorScene:
+    """The copy of a scene, with one view layer and a camera. Call ``remove`` in any case.
+
+    It keeps names only, because Blender may free data between two calls.
+    """
+
+    def __init__(self, scene, view_layer, engine: str = "") -> None:
+        """engine: the identifier of a render engine, empty for the scene's own."""
+        with all_or_nothing() as kept:
+            copy = scene.copy()
+            self.name, self._folder = copy.name, tempfile.mkdtemp(prefix="scfpf-")
+            kept.callback(shutil.rmtree, self._folder, ignore_errors=True)
+            self._prepare(copy, view_layer, engine or scene.render.engine)
+
+    def _prepare(self, copy, view_layer, engine: str) -> None:
+        copy[PASSING_KEY] = True
+        layer = copy.view_layers[view_layer.name]
+        for other in copy.view_layers[:]:
+            if other != layer:
+                copy.view_layers.remove(other)
+        for collection in copy.collection.children[:]:
+            if collection in rigs():
+                copy.collection.children.unlink(collection)
+        camera = bpy.data.objects.new(CAMERA, bpy.data.cameras.new(CAMERA))
+        copy.collection.objects.link(camera)
+        copy.camera, self._camera = camera, camera.name
+        layer.use = True
+        render = copy.render
+        try:
+            render.engine = engine
+        except TypeError as error:
+            raise UserError("There is no render engine '{0}': choose another", engine) from error
+        self._own = {name: getattr(render, name) for name in OF_OWN_VIEW}
+        self._own_filter = (
+            (copy.cycles.pixel_filter_type, copy.cycles.filter_width) if has_cycles(copy) else ()
+        )
+        render.use_multiview = render.use_sequencer = render.use_compositing = False
+        render.use_freestyle = render.use_file_extension = render.use_motion_blur = False
+        render.use_border = False
+        # In a window: edits between two renders would be seen in one of them only.
+        render.use_lock_interface = True
+        render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
+        render.filter_size = POINT
+        if has_cycles(copy):
+            copy.cycles.pixel_filter_type, copy.cycles.filter_width = "BLACKMAN_HARRIS", POINT
+        copy.timeline_markers.clear()
+        settings = render.image_settings
+        for name in image_format_properties():
+            setattr(settings, name, FORMAT[name])
+        settings.exr_codec, settings.color_management = "NONE", "FOLLOW_SCENE"
+        render.filepath = self.path
+
+    @property
+    def scene(self):
+        """The copy; None if it has been removed meanwhile, as by undo."""
+        return bpy.data.scenes.get((self.name, None))
+
+    @property
+    def path(self) -> str:
+        """The file that renders are written to."""
+        return os.path.join(self._folder, "anchor.exr")
+
+    @property
+    def blurs(self) -> bool:
+        """Return whether the artist's scene has motion blur."""
+        return bool(self._own["use_motion_blur"])
+
+    def look_through(self, anchor: Anchor) -> None:
+        """Let the next render be that of an anchor, into a file that does not exist yet."""
+        with suppress(FileNotFoundError):
+            os.remove(self.path)
+        scene = self.scene
+        camera, lens = scene.camera, scene.camera.data
+        camera.matrix_world = Matrix(anchor.matrix.tolist())
+        width = anchor.window.extent[0]
+        lens.sensor_fit = "HORIZONTAL"
+        if anchor.is_parallel:
+            lens.type, lens.ortho_scale = "ORTHO", float(width)
+        else:
+            lens.type, lens.lens_unit, lens.sensor_width = "PERSP", "MILLIMETERS", 36.0
+            lens.lens = 36.0 / float(width)
+        lens.shift_x = 0.5 * (anchor.window.left + anchor.window.right) / float(width)
+        lens.shift_y = 0.5 * (anchor.window.bottom + anchor.window.top) / float(width)
+        lens.clip_start, lens.clip_end = max(anchor.start, NEAREST), anchor.end
+        scene.render.resolution_x, scene.render.resolution_y = anchor.size
+
+    def look_as(self, camera) -> None:
+        """Let the next render be the ordinary one of a camera."""
+        scene = self.scene
+        scene.camera = camera
+        for name, value in self._own.items():
+            setattr(scene.render, name, value)
+        if self._own_filter:
+            scene.cycles.pixel_filter_type, scene.cycles.filter_width = self._own_filter
+
+    def show_world_alone(self) -> None:
+        """Leave all things out of further renders."""
+        scene = self.scene
+        for child in scene.view_layers[0].layer_collection.children:
+            child.exclude = True
+        for obj in scene.collection.objects[:]:
+            if obj.name != self._camera:
+                scene.collection.objects.unlink(obj)
+
+    def remove(self) -> None:
+        """Remove the copy, its camera and its files."""
+        scene, camera = self.scene, bpy.data.objects.get((self._camera, None))
+        if scene is not None:
+            bpy.data.scenes.remove(scene)
+        if camera is not None:
+            bpy.data.cameras.remove(camera.data)
+        shutil.rmtree(self._folder, ignore_errors=True)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A picture of a flexible camera by the scene's own engine: its anchors, render by render, and their join."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..anchors.anchor import Anchor
+from ..anchors.join import AnchorPicture, join, join_sky, traced_depth
+from ..anchors.plan import AnchorPlan, PlanLimits, plan_anchors, sky_anchors
+from ..anchors.shown_points import shown_points
+from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
+from ..bridge.scene.render_depsgraph import with_render_depsgraph
+from ..casting.common.ray_visibility import CAMERA, visible_to
+from ..casting.scene.cast_scene import CastScene
+from ..casting.tiles import TileJob, image_tiles, run_tiles
+from ..cycles.layers.exr_passes import Pass, read_passes
+from ..projection.user_error import Message, UserError
+from ..shading.frame import render_frame
+from ..shading.sampling.sample_positions import SamplePositions
+from ..shading.typing import Single
+from .anchor_scene import AnchorScene
+
+COMBINED = "Combined"
+NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
+LAYERS = "Layers are not joined from renders by '{0}': render with SCFPF, or layers with Cycles"
+HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
+LEFT_OUT = "Left out of pictures that are joined: {0}"
+AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
+# Types of objects without faces that engines draw.
+FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
+
+
+class AnchoredRender:
+    """One picture: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
+
+    passes: none. warnings: what it does not show as asked. total: the number of its renders, once known.
+    """
+
+    def __init__(self, passing: AnchorScene) -> None:
+        self._passing = passing
+        self.warnings: list[str] = []
+        self.pixels: Single | None = None
+        self.passes: dict[str, Pass] = {}
+        self.total = 0
+        self.plan: AnchorPlan | None = None
+
+    def steps(self, camera) -> Iterator[str]:
+        """Yield the name of what is to be rendered: the caller has Blender render the passing scene.
+
+        Raises USER_ERRORS.
+        """
+        inputs, axes = self._read(camera)
+        if inputs.is_ordinary:
+            self.total = 1
+            self._passing.look_as(camera)
+            yield Message("the camera's own view")
+            self.pixels = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+            return
+        del camera
+        geometry, settings = inputs.scene.geometry, inputs.settings
+        size = settings.width, settings.height
+        cast_scene = CastScene(geometry.vertices, geometry.triangles)
+        shown = cast_scene.only(visible_to(geometry.visibility, CAMERA))
+        if shown is None:
+            raise UserError(NOTHING)
+        self.plan = plan_anchors(shown, [inputs.projection], size, axes, PlanLimits())
+        sky: list[Anchor] = []
+        if not settings.transparent and not self.plan.is_one_eye:
+            sky = sky_anchors(shown, inputs.projection, size, axes, PlanLimits())
+        self.total = len(self.plan.anchors) + len(sky)
+        self.warnings += self._cautions(settings.depth_of_field is not None)
+        pictures = []
+        for anchor in self.plan.anchors:
+            color = yield from self._rendered(anchor)
+            pictures.append(AnchorPicture(anchor, color, traced_depth(shown, anchor)))
+        if sky:
+            self._passing.show_world_alone()
+        worlds = []
+        for anchor in sky:
+            color = yield from self._rendered(anchor)
+            worlds.append(AnchorPicture(anchor, color, np.full(color.shape[:2], np.inf, np.float32)))
+        self.pixels = self._joined(inputs, shown, pictures, worlds or pictures)
+
+    def _read(self, camera) -> tuple[RenderInputs, np.ndarray]:
+        """The inputs of the picture, and the axes (3, 3) of its camera. Raises USER_ERRORS."""
+        scene = self._passing.scene
+        size = ready_size(scene, camera)
+
+        def read(depsgraph):
+            inputs = read_inputs(depsgraph, camera, size)
+            axes = np.array(camera.evaluated_get(depsgraph).matrix_world.to_3x3().normalized(), np.float64)
+            return inputs, axes
+
+        inputs, axes = with_render_depsgraph(scene, scene.view_layers[0], read)
+        if inputs.projection.layers:
+            raise UserError(LAYERS, scene.render.engine)
+        return inputs, axes
+
+    def _cautions(self, has_lens: bool) -> list[str]:
+        """What the picture does not show as the scene says."""
+        scene = self._passing.scene
+        found = {FACELESS[o.type] for o in scene.objects if o.type in FACELESS and not o.hide_render}
+        left = ["depth of field"] if has_lens else []
+        left += ["motion blur"] if self._passing.blurs else []
+        texts = [Message(LEFT_OUT, ", ".join(left))] if left else []
+        return texts + ([Message(AS_IT_COMES, ", ".join(sorted(found)))] if found else [])
+
+    def _rendered(self, anchor: Anchor) -> Iterator[str]:
+        """Render an anchor and return its colours (H, W, 4)."""
+        self._passing.look_through(anchor)
+        yield Message("{0} × {1}", *anchor.size)
+        return read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+
+    def _joined(
+        self,
+        inputs: RenderInputs,
+        scene: CastScene,
+        pictures: list[AnchorPicture],
+        worlds: list[AnchorPicture],
+    ) -> Single:
+        settings, projection = inputs.settings, inputs.projection
+        width, height, angle = settings.width, settings.height, PlanLimits().angle
+        positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
+        pixel_size = 1.0 / width, 1.0 / height
+        pixels = np.zeros((height, width, 4), np.float32)
+        holes = np.zeros((height, width), bool)
+
+        def work(job: TileJob) -> tuple[Single, np.ndarray]:
+            """The colours (n, 4) of the pixels of a tile, and which of them have none."""
+            count = (job.rows.stop - job.rows.start) * width
+            color, weight = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
+            for sample in range(settings.samples):
+                x, y = positions.of_rows(job.rows, sample)
+                points = shown_points(scene, projection, x, y, pixel_size, settings.pixel_error)
+                # Where there is no projector, the picture shows nothing.
+                present = np.zeros(count, bool)
+                present[points.number] = True
+                weight[~present] += 1.0
+                things = points.take(np.flatnonzero(points.is_hit))
+                found = join(things, pictures, angle)
+                color[things.number] += found.color
+                weight[things.number] += ~found.is_hole
+                if settings.transparent:
+                    weight[points.number[~points.is_hit]] += 1.0
+                else:
+                    beyond = points.take(np.flatnonzero(~points.is_hit))
+                    found = join_sky(beyond, worlds)
+                    color[beyond.number] += found.color
+                    weight[beyond.number] += ~found.is_hole
+            empty = weight <= 0.0
+            return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
+
+        def finished(rows: slice, made: tuple[Single, np.ndarray]) -> None:
+            """Write a tile into the picture."""
+            pixels[rows] = made[0].reshape(-1, width, 4)
+            holes[rows] = made[1].reshape(-1, width)
+
+        run_tiles(work, image_tiles(width, height), settings.threads, finished)
+        if holes.any():
+            frame = render_frame(projection, inputs.scene, replace(settings, samples=1))
+            if frame is not None:
+                pixels[holes] = frame.pixels[holes]
+            self.warnings.append(Message(HOLES, float(holes.mean()), len(pictures)))
+        return pixels

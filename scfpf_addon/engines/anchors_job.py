@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures by a scene's own engine through anchors, render by render: a ``LayersJob`` with other renders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+
+from ..bridge.blender.user_errors import USER_ERRORS, reason
+from ..bridge.render import command_line
+from ..bridge.render.render_engine import ENGINE
+from ..cycles.engine_choice import engine_name
+from ..cycles.layers.layers_job import LayersJob, all_at_once
+from ..projection.user_error import UserError
+from .anchor_scene import AnchorScene
+from .anchored_render import AnchoredRender
+
+OWN_ENGINE = "Choose another render engine than SCFPF first, such as EEVEE: its pictures are joined"
+
+
+class AnchorsJob(LayersJob):
+    """Pictures joined from ordinary renders, one a frame. See ``LayersJob``."""
+
+    def __init__(
+        self, context, camera, frames: Sequence[int] = (), path: str = "", renderer: str = ""
+    ) -> None:
+        """renderer: the identifier of a render engine, empty for the scene's own. Raises USER_ERRORS."""
+        self._renderer = renderer or context.scene.render.engine
+        super().__init__(context, camera, frames, path)
+
+    def require(self, scene) -> None:
+        """Raise UserError if the engine is our own."""
+        if self._renderer == ENGINE:
+            raise UserError(OWN_ENGINE)
+
+    def picture(self, scene, view_layer):
+        """The temporary scene of one picture, which has its name, and the picture's renders."""
+        passing = AnchorScene(scene, view_layer, self._renderer)
+        self.engine = engine_name(passing.scene)
+        return passing, AnchoredRender(passing)
+
+
+def render_anchors(
+    context, camera, frames: Sequence[int] = (), path: str = "", renderer: str = ""
+) -> AnchorsJob:
+    """Do all of an ``AnchorsJob`` at once, and return it. Raises USER_ERRORS; earlier files stay then."""
+    return all_at_once(AnchorsJob(context, camera, frames, path, renderer))
+
+
+def render_for_command(renderer: str, camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:
+    """Render files for the command line; return warnings and what was rendered. Raises UserError."""
+    try:
+        job = render_anchors(bpy.context, camera, frames, path, renderer)
+    except USER_ERRORS as error:
+        raise UserError(reason(error)) from error
+    return job.warnings, job.outcome
+
+
+def register():
+    command_line.ENGINE_RENDERS.append(render_for_command)
+
+
+def unregister():
+    command_line.ENGINE_RENDERS.clear()

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Anchors: plans for volumes whose answer is known, and look-ups of positions, which the caster knows."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.scenes import bent_projection, boxes, columns
+from scfpf_addon.anchors.anchor import Anchor, Window
+from scfpf_addon.anchors.join import AnchorPicture, join, join_sky, traced_depth
+from scfpf_addon.anchors.plan import PlanLimits, common_eye, nearest_to_lines, plan_anchors, sky_anchors
+from scfpf_addon.anchors.shown_points import shown_points
+from scfpf_addon.casting.frame import pixel_centres
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.surfaces.surface import Cylinder, Plane, SphereSector
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
+
+SIZE = (96, 54)
+AXES = np.eye(3)
+
+
+def at(surface, x=0.0, y=0.0, z=0.0):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return surface.transformed(matrix)
+
+
+def room():
+    """A closed box around the origin with boxes in it, and smaller ones near to the middle."""
+    corners = np.array([[x, y, z] for x in (-9.0, 9.0) for y in (-9.0, 9.0) for z in (-9.0, 9.0)])
+    faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    cube = np.array([face for a, b, c, d in faces for face in ((a, b, c), (a, c, d))], np.int32)
+    generator = np.random.default_rng(3)
+    vertices, triangles = [corners], [cube]
+    for number in range(1, 40):
+        middle = generator.normal(size=3)
+        middle *= generator.uniform(3.0, 8.0) / np.linalg.norm(middle)
+        vertices.append(corners / 9.0 * generator.uniform(0.2, 0.8) + middle)
+        triangles.append(cube + 8 * number)
+    return CastScene(np.concatenate(vertices), np.concatenate(triangles))
+
+
+def frustum():
+    return Projection(
+        ViewingVolume(
+            (at(Plane(width=0.16, height=0.09), z=-0.1), at(Plane(width=16.0, height=9.0), z=-10.0))
+        ),
+        aspect=16 / 9,
+    )
+
+
+def parallel():
+    return Projection(
+        ViewingVolume((at(Plane(width=8.0, height=4.5), z=2.5), at(Plane(width=8.0, height=4.5), z=-20.0))),
+        aspect=16 / 9,
+    )
+
+
+def panorama():
+    height = 1.2
+    return Projection(
+        ViewingVolume(
+            (Cylinder(radius=0.01, height=0.01 * height), Cylinder(radius=30.0, height=30.0 * height))
+        ),
+        aspect=2 * math.pi / height,
+    )
+
+
+def fisheye():
+    near, far = (
+        SphereSector(radius=r, arc=math.radians(170), latitude_start=-1.4, latitude_end=1.4)
+        for r in (0.01, 30.0)
+    )
+    return Projection(ViewingVolume((near, far)), aspect=1.0)
+
+
+def pictures_of(scene, anchors):
+    """Pictures whose colours are the positions of what their pixels' centres show."""
+    made = []
+    for anchor in anchors:
+        depth = traced_depth(scene, anchor)
+        height, width = depth.shape
+        column, row = np.tile(np.arange(width), height), np.repeat(np.arange(height), width)
+        begin, way = anchor.rays(column, row)
+        far = np.where(np.isfinite(depth), depth, 0.0).ravel() - anchor.start
+        made.append(
+            AnchorPicture(anchor, (begin + way * far).T.reshape(height, width, 3).astype(np.float32), depth)
+        )
+    return made
+
+
+def joined(scene, projection, size=SIZE):
+    """The plan, how far joined positions are off in pixels of the image, and the share of holes."""
+    plan = plan_anchors(scene, [projection], size, AXES)
+    x, y = pixel_centres(*size, (0, size[1]))
+    points = shown_points(scene, projection, x, y, (1 / size[0], 1 / size[1]))
+    points = points.take(np.flatnonzero(points.is_hit))
+    found = join(points, pictures_of(scene, plan.anchors), PlanLimits().angle)
+    off = found.color.T - points.position
+    off -= points.direction * np.einsum("cn,cn->n", off, points.direction)
+    return (
+        plan,
+        np.linalg.norm(off, axis=0)[~found.is_hole] / points.length[~found.is_hole],
+        found.is_hole.mean(),
+    )
+
+
+@pytest.mark.parametrize(
+    ("projection", "most", "is_one_eye"),
+    [(frustum, 1, True), (parallel, 1, False), (panorama, 6, True), (fisheye, 5, True)],
+)
+def test_the_anchors_of_known_cameras(projection, most, is_one_eye):
+    """A pinhole and a parallel camera are one anchor; a panorama needs no more than the faces of a cube."""
+    plan, off, holes = joined(room(), projection())
+    assert len(plan.anchors) <= most and plan.is_one_eye == is_one_eye
+    assert plan.covered > 0.99
+    assert (off < 0.5).mean() > 0.98 and holes < 0.002
+
+
+@pytest.mark.parametrize("build", [boxes, columns])
+@pytest.mark.parametrize("angle", [10, 60])
+def test_positions_of_bent_volumes(build, angle):
+    scene = CastScene(*build(2000))
+    plan, off, holes = joined(scene, bent_projection(2, math.radians(angle)))
+    assert 1 < len(plan.anchors) <= 64 and not plan.is_one_eye
+    assert (off < 0.5).mean() > 0.99 and holes < 0.03
+
+
+def test_a_picture_is_seen_by_its_own_pinhole():
+    """The anchor of a pinhole stands in it and has its window, whatever the scene's size."""
+    (anchor,) = plan_anchors(room(), [frustum()], SIZE, AXES).anchors
+    np.testing.assert_allclose(anchor.eye, 0.0, atol=1e-9)
+    left, bottom, right, top = anchor.window
+    assert left < -0.8 < 0.8 < right and bottom < -0.45 < 0.45 < top
+    assert right - left < 1.6 * 1.2 and top - bottom < 0.9 * 1.25
+    assert anchor.start <= 0.1
+
+
+def test_rays_and_places_are_inverse():
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1.0, 2.0, 3.0
+    for is_parallel in (False, True):
+        anchor = Anchor(matrix, Window(-1.0, -0.5, 3.0, 1.5), (40, 20), 0.5, 9.0, is_parallel)
+        column, row = np.array([0, 7, 39]), np.array([19, 4, 0])
+        begin, way = anchor.rays(column, row)
+        places = anchor.places(begin + way * 2.25)
+        np.testing.assert_allclose(places.across, column + 0.5)
+        np.testing.assert_allclose(places.up, row + 0.5)
+        np.testing.assert_allclose(places.depth, 2.75)
+
+
+def test_lines_through_a_point_are_recognised():
+    generator = np.random.default_rng(1)
+    way = generator.normal(size=(3, 50))
+    way /= np.linalg.norm(way, axis=0)
+    eye = np.array([3.0, -2.0, 7.0])
+    found = nearest_to_lines(eye[:, None] + way * generator.uniform(1, 9, 50), way)
+    np.testing.assert_allclose(found, eye, atol=1e-9)
+    assert nearest_to_lines(generator.normal(size=(3, 50)), np.tile([[0.0], [0.6], [0.8]], 50)) is None
+
+
+def test_what_hides_a_point_is_not_taken_for_it():
+    """A plate that stands between an anchor and a wall covers part of it; its colours are not the wall's."""
+    vertices = np.array([[-9, -9, -5], [9, -9, -5], [0, 18, -5], [-1, -1, -2], [1, -1, -2], [0, 1, -2.0]])
+    scene = CastScene(vertices, np.array([[0, 1, 2], [3, 4, 5]], np.int32))
+    x, y = pixel_centres(48, 27, (0, 27))
+    points = shown_points(scene, parallel(), x, y, (1 / 48, 1 / 27))
+    wall = points.take(np.flatnonzero(points.triangle == 0))
+    anchor = Anchor(np.eye(4), Window(-1.2, -1.2, 1.2, 1.2), (300, 300), 0.1, 9.0)
+    (picture,) = pictures_of(scene, [anchor])
+    found = join(wall, [picture], 1.5)
+    hidden = found.is_hole & anchor.holds(anchor.places(wall.position))
+    # By similar triangles the plate's shadow on the wall, seen from the origin, is 2.5 times the plate.
+    a, b, c = (vertices[k, :2] * 2.5 for k in (3, 4, 5))
+    px, py = wall.position[0], wall.position[1]
+
+    def side(p, q):
+        return (q[0] - p[0]) * (py - p[1]) - (q[1] - p[1]) * (px - p[0])
+
+    within = np.minimum(np.minimum(side(a, b), side(b, c)), side(c, a))
+    assert hidden[within > 0.3].all() and not hidden[within < -0.3].any()
+    np.testing.assert_allclose(found.color[~found.is_hole], wall.position.T[~found.is_hole], atol=0.05)
+
+
+def test_the_sky_is_looked_up_by_direction():
+    """A sky that is painted with its directions comes back as those of the projectors."""
+    scene, projection = CastScene(*boxes(200)), panorama()
+    size = (90, 40)
+    anchors = sky_anchors(scene, projection, size, AXES, PlanLimits())
+    assert 1 <= len(anchors) <= 6
+    painted = []
+    for anchor in anchors:
+        width, height = anchor.size
+        _, way = anchor.rays(np.tile(np.arange(width), height), np.repeat(np.arange(height), width))
+        way = way / np.linalg.norm(way, axis=0)
+        color = np.concatenate([way, np.ones((1, way.shape[1]))]).T.reshape(height, width, 4)
+        painted.append(
+            AnchorPicture(anchor, color.astype(np.float32), np.full((height, width), np.inf, np.float32))
+        )
+    x, y = pixel_centres(*size, (0, size[1]))
+    points = shown_points(scene, projection, x, y, (1 / size[0], 1 / size[1]))
+    points = points.take(np.flatnonzero(~points.is_hit))
+    found = join_sky(points, painted)
+    assert not found.is_hole.any()
+    np.testing.assert_allclose(found.color[:, :3].T, points.direction, atol=0.01)
+
+
+def test_projectors_from_many_places_have_no_common_eye():
+    scene = CastScene(*boxes(500))
+    x, y = pixel_centres(24, 14, (0, 14))
+    points = shown_points(scene, bent_projection(2, math.radians(60)), x, y, (1 / 24, 1 / 14))
+    assert common_eye(points) is None

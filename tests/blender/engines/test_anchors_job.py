@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures by ordinary engines through anchors, beside ordinary cameras and beside what projectors meet."""
+
+import bpy
+import numpy as np
+import pytest
+from file_state import differences, file_state
+from layer_scenes import flexible
+
+WIDTH, HEIGHT = 64, 36
+
+
+@pytest.fixture
+def jobs(addon):
+    return addon("engines.anchors_job")
+
+
+@pytest.fixture
+def scene():
+    """Things whose colour is their position, divided by 16 and raised to be positive, in a dark world."""
+    scene = bpy.context.scene
+    material = bpy.data.materials.new("Position")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    place, scale, glow, output = (
+        tree.nodes.new(kind)
+        for kind in (
+            "ShaderNodeNewGeometry",
+            "ShaderNodeVectorMath",
+            "ShaderNodeEmission",
+            "ShaderNodeOutputMaterial",
+        )
+    )
+    scale.operation = "MULTIPLY_ADD"
+    scale.inputs[1].default_value, scale.inputs[2].default_value = (1 / 16,) * 3, (0.5,) * 3
+    tree.links.new(place.outputs["Position"], scale.inputs[0])
+    tree.links.new(scale.outputs[0], glow.inputs["Color"])
+    tree.links.new(glow.outputs[0], output.inputs["Surface"])
+    for size, at in ((8.0, (0, 0, 0)), (1.2, (1.5, 1, -2)), (1.0, (-2, 1.5, -1)), (1.5, (0, -1.5, 2))):
+        bpy.ops.mesh.primitive_cube_add(size=size, location=at)
+        bpy.context.object.data.materials.append(material)
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
+    render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
+    scene.cycles.max_bounces = 0
+    scene.world = bpy.data.worlds.new("World")
+    bpy.ops.object.camera_add()
+    camera = bpy.context.object
+    camera.name, camera.data.clip_start = "Master", 0.01
+    scene.camera = camera
+    return scene
+
+
+def result():
+    image = bpy.data.images["SCFPF Render"]
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)
+
+
+def ordinary(scene, tmp_path):
+    """The picture of the scene's camera as F12 makes it."""
+    from engine_images import f12, write_multilayer
+
+    write_multilayer(scene, tmp_path / "own")
+    return next(values for name, values in f12(scene).items() if name.endswith("Combined"))
+
+
+def places(addon, camera):
+    """The positions (H, W, 3) that projectors through the pixels' centres meet, NaN for nothing."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    geometry = addon("bridge.scene.read_scene").read_scene(depsgraph).geometry
+    projection = addon("bridge.camera.read_projection").read_projection(camera, depsgraph, WIDTH / HEIGHT)
+    cast_scene = addon("casting.scene.cast_scene").CastScene(geometry.vertices, geometry.triangles)
+    hits = addon("casting.frame").cast_frame(cast_scene, projection, WIDTH, HEIGHT)
+    position = hits.position / cast_scene.scale + cast_scene.centre[:, None]
+    position[:, hits.triangle < 0] = np.nan
+    return position.T.reshape(HEIGHT, WIDTH, 3)
+
+
+def edges(position, reach=0.4):
+    """Pixels beside others whose places are far from theirs, round a corner, or that show nothing."""
+    jump = np.zeros(position.shape[:2], bool)
+    for axis in (0, 1):
+        step = ~(np.abs(np.diff(position, 2, axis=axis)).max(axis=2) <= reach)
+        jump |= np.pad(step, [(1, 1) if axis == k else (0, 0) for k in (0, 1)])
+    grown = np.pad(jump, 1)
+    return np.any([np.roll(grown, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)[
+        1:-1, 1:-1
+    ]
+
+
+def test_a_cameras_own_frustum_is_its_own_picture(scene, jobs, tmp_path):
+    expected = ordinary(scene, tmp_path)
+    flexible(scene.camera)
+    job = jobs.render_anchors(bpy.context, scene.camera)
+    assert "by Cycles" in job.outcome and not job.warnings
+    np.testing.assert_allclose(result(), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "preset", ["cylindrical_panorama", "angular_fisheye", "inverted_perspective", "deep_curvy_volume"]
+)
+def test_pixels_show_what_their_projectors_meet(scene, jobs, addon, preset):
+    """Colours are positions: they are those that the caster finds, but at edges."""
+    flexible(scene.camera, preset)
+    scene.camera.scfpf.samples = 4
+    wanted = places(addon, scene.camera)
+    jobs.render_anchors(bpy.context, scene.camera)
+    found = (result()[..., :3] - 0.5) * 16
+    inner = ~edges(wanted)
+    assert inner.mean() > 0.1
+    # Of a pixel's size there: the distance to its neighbours.
+    size = np.linalg.norm(np.gradient(wanted, axis=1), axis=2) + np.linalg.norm(
+        np.gradient(wanted, axis=0), axis=2
+    )
+    off = np.linalg.norm(found - wanted, axis=2) / np.maximum(size, 1e-6)
+    assert (off[inner] < 0.5).mean() > 0.98
+    assert np.median(off[inner]) < 0.1
+
+
+@pytest.mark.parametrize("engine", ["eevee", "workbench"])
+def test_other_engines_see_the_same_things(scene, jobs, addon, engine):
+    """Through a parallel volume, one render: a small picture by Blender's other engines."""
+    flexible(scene.camera, "orthographic")
+    scene.camera.location.z = 3.5
+    scene.camera.scfpf.samples = 1
+    scene.display.shading.color_type = "OBJECT"
+    versions = addon("bridge.blender.versions")
+    renderer = versions.EEVEE if engine == "eevee" else "BLENDER_WORKBENCH"
+    scene.eevee.taa_render_samples = 1
+    job = jobs.render_anchors(bpy.context, scene.camera, renderer=renderer)
+    assert engine in job.outcome.lower() and scene.render.engine == "CYCLES"
+    image = result()
+    assert np.isfinite(image).all()
+    if engine == "eevee":
+        wanted = places(addon, scene.camera)
+        inner = ~edges(wanted)
+        off = np.linalg.norm((image[..., :3] - 0.5) * 16 - wanted, axis=2)
+        assert np.median(off[inner]) < 0.1
+
+
+def test_the_scene_is_as_before_and_faults_leave_nothing(scene, jobs, addon, monkeypatch):
+    flexible(scene.camera, "cylindrical_panorama")
+    scene.camera.scfpf.samples = 1
+    jobs.render_anchors(bpy.context, scene.camera)
+    before = file_state()
+    jobs.render_anchors(bpy.context, scene.camera)
+    assert not differences(before, file_state())
+    rendering = addon("engines.anchored_render")
+
+    def fails(*_):
+        raise OSError("of the test")
+
+    monkeypatch.setattr(rendering, "read_passes", fails)
+    with pytest.raises(addon("projection.user_error").UserError):
+        jobs.render_anchors(bpy.context, scene.camera)
+    assert not differences(before, file_state())
+
+
+def test_what_cannot_be_is_refused_in_words(scene, jobs, addon):
+    error = addon("projection.user_error").UserError
+    flexible(scene.camera, "cylindrical_panorama")
+    with pytest.raises(error, match="There is no render engine 'NOTHING'"):
+        jobs.render_anchors(bpy.context, scene.camera, renderer="NOTHING")
+    scene.render.engine = "SCFPF"
+    with pytest.raises(error, match="Choose another render engine"):
+        jobs.render_anchors(bpy.context, scene.camera)
+    scene.render.engine = "CYCLES"
+    for obj in [obj for obj in scene.objects if obj.name.startswith("Cube")]:
+        bpy.data.objects.remove(obj)
+    with pytest.raises(error, match="nothing to render"):
+        jobs.render_anchors(bpy.context, scene.camera)
+
+
+def test_what_is_left_out_is_named(scene, jobs):
+    flexible(scene.camera, "cylindrical_panorama")
+    scene.camera.scfpf.samples = 1
+    scene.render.use_motion_blur = True
+    smoke = bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke"))
+    scene.collection.objects.link(smoke)
+    job = jobs.render_anchors(bpy.context, scene.camera)
+    for text in ("Left out of pictures that are joined: motion blur", "not along projectors: smoke"):
+        assert any(text in str(warning) for warning in job.warnings)
+
+
+def test_an_animation_is_written_frame_by_frame(scene, jobs, tmp_path):
+    flexible(scene.camera, "orthographic")
+    scene.camera.location.z = 3.5
+    scene.camera.scfpf.samples = 1
+    scene.render.image_settings.file_format = "PNG"
+    job = jobs.render_anchors(bpy.context, scene.camera, (1, 2), str(tmp_path / "frame_##.png"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frame_01.png", "frame_02.png"]
+    assert len(job.written) == 2 and scene.frame_current == 1
