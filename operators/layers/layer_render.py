@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render pictures that several renders of Blender make: by Cycles with layers, or joined from any engine's.
 
-In a window they are made render by render, for scripts and farms at once. The work in a window is done by Blender's own render job, for which the operator waits.
+In a window they are made render by render, for scripts and farms at once. The work in a window is done by
+Blender's own render job, for which the operator waits.
 """
 
 from __future__ import annotations

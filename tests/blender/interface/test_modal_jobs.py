@@ -163,6 +163,7 @@ JOBS = {
     "SCFPF_OT_aim_drag": ("operators.aim.drag", [MOUSE, TIMER], ""),
     "SCFPF_OT_aim_solve": ("operators.aim.solve", [TIMER], "Solve canceled: the volume is as before"),
     "SCFPF_OT_layers_render": ("operators.layers.layer_render", [TIMER], CANCELED),
+    "SCFPF_OT_joined_render": ("operators.layers.layer_render", [TIMER], CANCELED),
 }
 # It leaves nothing: it only waits for what becomes of a press.
 KEEPS_NOTHING = {"SCFPF_OT_live_select"}
@@ -190,7 +191,7 @@ def job(request, addon, monkeypatch):
     bpy.context.view_layer.objects.active = camera
     if name == "SCFPF_OT_aim_drag":
         camera.scfpf.aim.live = True
-    if name == "SCFPF_OT_layers_render":
+    if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render"}:
         scene.render.engine = "CYCLES"
         monkeypatch.setattr(addon("cycles.layers.layers_job").LayersJob, "render", lambda *_, **__: None)
     if "cycles" in name:

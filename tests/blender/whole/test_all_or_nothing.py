@@ -96,6 +96,14 @@ def engine_layered(addon):
     bpy.context.scene.render.engine = "SCFPF"
 
 
+def by_cycles(addon):
+    camera, scene = bent_camera(addon), bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 12, 8
+    scene.render.engine = "CYCLES"
+    camera.scfpf.samples = scene.cycles.samples = 1
+    select("Camera")
+
+
 def red(addon):
     bent_camera(addon)
     select("Red")
@@ -223,6 +231,13 @@ CASES = {
         f"{LAYERS}.temporary_scene.TemporaryScene.add_groups {LAYERS}.layer_eyes._rigged {RIG}.make_rig "
         f"{SKIPPING}.refresh.write_skipping {LAYERS}.layer_eyes._place {LAYERS}.exr_passes.read_passes "
         f"{LAYERS}.layer_eyes._copied {LAYERS}.shown_pixels.join_into",
+    ),
+    "another engine": (
+        by_cycles,
+        lambda: OPERATORS.joined_render(camera="Camera"),
+        "engines.anchor_scene.AnchorScene._prepare anchors.plan.plan_anchors "
+        "engines.anchor_scene.AnchorScene.look_through engines.anchored_render.traced_depth "
+        "engines.anchored_render.shown_points engines.anchored_render.join",
     ),
     "Add View": (
         box,

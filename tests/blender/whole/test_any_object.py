@@ -234,6 +234,14 @@ def by_layers(addon, camera):
     assert bpy.ops.scfpf.layer_remove(camera=camera.name) == {"FINISHED"}
 
 
+def by_another_engine(addon, camera):
+    activate(camera)
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
+    camera.location.x += 0.01  # not the camera's own frustum, if the volume is one
+    assert bpy.ops.scfpf.joined_render(camera=camera.name, engine="SCENE") == {"FINISHED"}
+
+
 def by_aim(addon, camera):
     activate(bpy.data.objects["Collection Instance"])
     assert bpy.ops.scfpf.aim_view_add(camera=camera.name) == {"FINISHED"}
@@ -246,7 +254,7 @@ def by_aim(addon, camera):
         assert "Traceback" not in str(error)  # a solution that is not taken
 
 
-WAYS = (by_engine, by_live_view, by_nodes, by_rig, by_layers, by_aim)
+WAYS = (by_engine, by_live_view, by_nodes, by_rig, by_layers, by_another_engine, by_aim)
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
