@@ -11,6 +11,7 @@ import numpy as np
 from bpy.types import Object
 
 from ..bridge.blender.rig_mark import is_rig_part
+from ..bridge.scene.instances import Instance, instances
 from ..bridge.scene.read_visibility import ShownInRenders, rendered_objects
 
 # Through these an object that no viewport evaluates may come to a material.
@@ -30,7 +31,7 @@ def seen_data(scene) -> set:
         world = layer.world_override or scene.world
         found |= {world} - {None}
         override = layer.material_override
-        for _, obj in _shown(layer):
+        for obj in (instance.obj for instance in _looks(layer)):
             if obj.type == "LIGHT":
                 found.add(obj.data.original)
             else:
@@ -54,14 +55,14 @@ def seen_instances(scene, is_meant: Callable[[Object, set], bool]) -> Iterator[t
     """
     for layer in _rendered_layers(scene):
         override = layer.material_override
-        meant = {
-            key
-            for key, obj in _shown(layer)
-            if obj.type != "LIGHT" and is_meant(obj, {override} if override else materials_of(obj))
-        }
-        for instance in layer.depsgraph.object_instances if meant else ():
-            if _key(instance) in meant:
-                yield instance.object, instance.matrix_world.copy(), instance.parent or instance.object
+        meant: dict[tuple, bool] = {}
+        for look, instance in _shown(layer):
+            obj = instance.obj
+            if look not in meant:
+                used = {override} if override else materials_of(obj)
+                meant[look] = obj.type != "LIGHT" and is_meant(obj, used)
+            if meant[look]:
+                yield obj, instance.matrix, instance.parent or obj
 
 
 def unevaluated_objects(scene) -> set:
@@ -76,7 +77,7 @@ def strokes(scene) -> str:
     names = set()
     for layer in _rendered_layers(scene):
         if layer.use_grease_pencil:
-            shown = [*(obj.original for _, obj in _shown(layer)), *_unevaluated(layer)]
+            shown = [*(each.obj.original for each in _looks(layer)), *_unevaluated(layer)]
             names |= {obj.name for obj in shown if obj.type == "GREASEPENCIL"}
     return min(names, default="")
 
@@ -86,26 +87,27 @@ def _rendered_layers(scene) -> list:
     return layers or list(scene.view_layers[:1])
 
 
-def _shown(layer) -> Iterator[tuple]:
-    """The key and the object of each evaluated one that renders show, once for each key; instances too."""
+def _shown(layer) -> Iterator[tuple[tuple, Instance]]:
+    """Each instance that viewports evaluate and renders show, with a key that instances of one look share."""
     depsgraph = layer.depsgraph
     if depsgraph is None:
         return
-    shown, known = ShownInRenders(depsgraph), set()
-    for instance in depsgraph.object_instances:
-        key = _key(instance)
-        if key in known:
-            continue
-        known.add(key)
-        if not is_rig_part(instance.object) and shown.rays(instance.object, instance.parent):
-            yield key, instance.object
+    rigs: dict[int, bool] = {}
+    for instance in instances(depsgraph, renders=ShownInRenders(depsgraph)):
+        uid = instance.key.uid
+        if uid not in rigs:
+            rigs[uid] = is_rig_part(instance.obj)
+        if not rigs[uid]:
+            yield (instance.key, instance.data), instance
 
 
-def _key(instance) -> tuple[int, int, int]:
-    """The object, the data and the instancer of an instance: those with the same key have the same look."""
-    obj, parent = instance.object, instance.parent
-    pointer = obj.data.as_pointer() if obj.data else 0
-    return obj.original.session_uid, pointer, parent.original.session_uid if parent else 0
+def _looks(layer) -> Iterator[Instance]:
+    """The first instance of each look."""
+    known = set()
+    for look, instance in _shown(layer):
+        if look not in known:
+            known.add(look)
+            yield instance
 
 
 def _unevaluated(layer) -> set:

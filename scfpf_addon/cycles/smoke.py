@@ -47,7 +47,7 @@ def smoke_around(scene, projection: Projection) -> str:
     points = points[:, image.mask & np.isfinite(points).all(axis=0)]
     names = set()
     for obj, matrix, instancer in seen_instances(scene, _has_smoke):
-        if _holds(obj, np.array(matrix, np.float64), points):
+        if _holds(obj, matrix, points):
             names.add(instancer.name)
     for obj, reached in might_use_each(unevaluated_objects(scene)):
         boxes = _boxes(obj) if _reaches_smoke(reached) else ()

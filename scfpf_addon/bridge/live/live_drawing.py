@@ -13,6 +13,7 @@ from ..blender.user_errors import failure_message
 from ..overlays.image_marks import draw_cross
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.view_painter import Rectangle
+from ..scene.instances import NO_THINGS
 from .live_painter import LiveImage
 from .live_view import LiveView, shown_window, sources
 from .region_drawing import draw_image, draw_text, image_texture, pixel_space
@@ -26,8 +27,6 @@ PATIENCE = 0.09
 TICK = 0.03
 # The text while there is no image yet.
 BUILDING = "Building the scene of Live View"
-# Objects of these types are not in an image: their edits change the view at most.
-NO_FACES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "EMPTY", "ARMATURE", "LATTICE"}
 
 
 class _Viewport:
@@ -210,7 +209,7 @@ def stop_all() -> None:
 
 def _may_be_shown(obj) -> bool:
     """Return whether images may show an evaluated object or what it instances."""
-    return obj.type not in NO_FACES or obj.is_instancer
+    return obj.type not in NO_THINGS or obj.is_instancer
 
 
 def scene_updated(_scene, depsgraph) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from ...casting.common.ray_visibility import CAMERA
 from ...projection.typing import Array
 from ...shading.live.live_scene import COLOR_LAYER
-from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, without_slots
+from ..scene.instances import Instance, copies_shown, instances
+from ..scene.mesh_arrays import MeshArrays, of_mesh, read_mesh, without_slots
 from ..scene.read_layers import read_layer
 from ..scene.read_materials import unmet_slots, volume_only_materials
-from ..scene.read_visibility import ShownInRenders, flattened_copies
+from ..scene.read_visibility import ObjectKey, ShownInRenders
 
 
 class Attributes(NamedTuple):
@@ -23,18 +25,6 @@ class Attributes(NamedTuple):
 
     uv: bool
     color: bool
-
-
-class ObjectKey(NamedTuple):
-    """An object as Live View knows it: the session ids and full names of itself and of its instancer.
-
-    An object that nothing instances is its own instancer, the one that a click selects.
-    """
-
-    uid: int
-    name: str
-    owner_uid: int
-    owner_name: str
 
 
 class LookTable:
@@ -59,7 +49,7 @@ class LookTable:
 
     def layers(self, members: Mapping[int, int]) -> NDArray[np.uint8]:
         """The number of the image layer of each object, or of its instancer. members: by session id."""
-        found = (members.get(key.owner_uid) or members.get(key.uid, 0) for key in self.objects)
+        found = (key.image_layer(members) for key in self.objects)
         return np.fromiter(found, np.uint8, len(self.objects))
 
     def first_look(self, number: int, slots: int) -> int:
@@ -163,45 +153,48 @@ class LiveObjects:
         renders = ShownInRenders(depsgraph)
         self.left_out = renders.left_out
         self._volume_only = volume_only_materials()
-        shown: dict[ObjectKey, int] = {}
-        unmet: dict[ObjectKey, frozenset[int]] = {}
+        # By object and instancer: their number, -1 for those that the viewport does not show.
+        numbers: dict[ObjectKey, int] = {}
+        # By number and address of the mesh: the mesh without the faces that no ray meets.
+        parts: dict[tuple[int, int], tuple[MeshArrays, int, int]] = {}
         fresh: dict[int, _KnownMesh] = {}
-        found: Placements = {}
-        addresses: list[int] = []
-        for instance in depsgraph.object_instances:
-            obj = instance.object
-            if obj.type != "MESH":
-                continue
-            own, parent = obj.original, instance.parent
-            top = parent.original if parent else own
-            key = ObjectKey(own.session_uid, own.name_full, top.session_uid, top.name_full)
-            number = shown.get(key)
+        found: list[tuple[tuple[int, ...], MeshInstance] | None] = []
+        meshes, matrices = [], []
+        for instance in instances(depsgraph, {"MESH"}, renders):
+            key, address, matrix = instance.key, instance.data, instance.matrix
+            # Hidden from the camera only, it still shares its mesh.
+            meshes.append(address)
+            matrices.append(matrix)
+            number = numbers.get(key)
             if number is None:
-                is_shown = renders.rays(obj, parent) & CAMERA and _is_in_viewport(top, space)
-                number = shown[key] = self.table.number(key) if is_shown else -1
-                unmet[key] = unmet_slots(obj)
+                is_shown = instance.rays & CAMERA and _is_in_viewport(instance.owner, space)
+                number = numbers[key] = self.table.number(key) if is_shown else -1
             if number < 0:
+                found.append(None)
                 continue
-            matrix = np.array(instance.matrix_world, np.float64)
-            if not (np.abs(matrix) <= LARGEST_COORDINATE).all():
-                continue
-            looks = max(len(obj.material_slots), 1)
-            mesh = self._mesh(obj, {own.name, top.name}, fresh).part(unmet[key], looks)
-            if not len(mesh.triangles):
-                continue
-            place = number, *(instance.persistent_id if parent else ())
-            found[place] = MeshInstance(mesh, number, self.table.first_look(number, looks), looks, matrix)
-            addresses.append(obj.data.as_pointer())
+            part = parts.get((number, address))
+            if part is None:
+                part = parts[number, address] = self._part(instance, number, address, fresh)
+            found.append(((number, *instance.numbers), MeshInstance(part[0], number, *part[1:], matrix)))
         self._meshes = fresh
-        found = _without_flat_copies(found, addresses)
+        shown = compress(found, copies_shown(meshes, matrices))
         return {
             key: old if (old := self.placements.get(key)) and old.is_same(new) else new
-            for key, new in found.items()
+            for key, new in filter(None, shown)
+            if len(new.mesh.triangles)
         }
 
-    def _mesh(self, obj, owners: set[str], fresh: dict[int, _KnownMesh]) -> _KnownMesh:
-        """An object's mesh. fresh: the meshes of this reading, by their addresses."""
-        address = obj.data.as_pointer()
+    def _part(
+        self, instance: Instance, number: int, address: int, fresh: dict[int, _KnownMesh]
+    ) -> tuple[MeshArrays, int, int]:
+        """The mesh that rays meet of an object with a number, the first and the number of its looks."""
+        slots = max(len(instance.obj.material_slots), 1)
+        mesh = self._mesh(instance, address, fresh).part(unmet_slots(instance.obj), slots)
+        return mesh, self.table.first_look(number, slots), slots
+
+    def _mesh(self, instance: Instance, address: int, fresh: dict[int, _KnownMesh]) -> _KnownMesh:
+        """An instance's mesh. fresh: the meshes of this reading, by their addresses."""
+        owners = {instance.obj.original.name, instance.owner.name}
         if address in fresh:
             fresh[address].owners.update(owners)
             return fresh[address]
@@ -209,7 +202,7 @@ class LiveObjects:
         is_known = known is not None and not known.owners.isdisjoint(owners)
         # Another mesh may have taken the place of one that is gone; then its object has been evaluated.
         if known is None or not is_known or self._all_stale or not self._stale.isdisjoint(owners):
-            arrays = of_mesh(obj, self._read_mesh)
+            arrays = of_mesh(instance.obj, self._read_mesh)
             same = known is not None and _is_equal(known.arrays, arrays)
             known = known if known is not None and same else _KnownMesh(arrays, set(), {})
             known = known._replace(owners=set(owners))
@@ -225,16 +218,6 @@ class LiveObjects:
             if values is not None:
                 arrays.layers[COLOR_LAYER] = values if arrays.kept is None else values[arrays.kept]
         return arrays
-
-
-def _without_flat_copies(placements: Placements, addresses: list[int]) -> Placements:
-    """The placements that renders show. addresses: of the meshes of all."""
-    mesh = np.unique(np.array(addresses, np.int64), return_inverse=True)[1]
-    matrix = np.array([place.matrix for place in placements.values()]).reshape(-1, 4, 4)
-    flat = flattened_copies(mesh, matrix)
-    if not flat.any():
-        return placements
-    return {key: place for (key, place), is_flat in zip(placements.items(), flat, strict=True) if not is_flat}
 
 
 def _is_in_viewport(top, space) -> bool:

@@ -3,21 +3,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from ...casting.common.ray_visibility import CAMERA
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ...shading.picking.seen import first_seen, may_be_met_in_layers
 from ..camera.read_projection import read_projection
 from ..layers.read_image_layers import read_image_layers
 from ..render.render_engine import ENGINE
 from ..render.render_viewport import Rectangle, camera_rectangle, viewport_eye
-from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, without_slots
+from ..scene.instances import MeshTable, copies_shown, instances
+from ..scene.mesh_arrays import read_mesh, without_slots
 from ..scene.read_materials import unmet_slots
-from ..scene.read_visibility import ShownInRenders, flattened_copies
+from ..scene.read_visibility import ObjectKey, ShownInRenders
 from .live_drawing import live_camera
 
 
@@ -75,62 +78,56 @@ def seen_object(context, place: Place):
     frame = place.frame
     projection = read_projection(place.camera, depsgraph, frame.width / frame.height)
     read = read_image_layers(place.camera, depsgraph, frame.width / frame.height)
-    wanted = {obj.as_pointer(): obj for obj in context.selectable_objects}
-    owners, boxes = _boxes(depsgraph, wanted)
-    if not owners:
+    wanted = {obj.session_uid: obj for obj in context.selectable_objects}
+    renders = ShownInRenders(depsgraph)
+    keys, may_be_seen, boxes = _boxes(depsgraph, renders, wanted)
+    if not keys:
         return None
     layers = None
     if read.layers:
         projection = replace(projection, layers=read.layers)
-        numbers = [read.members.get(wanted[owner].session_uid, 0) if owner else 0 for owner in owners]
-        layers = np.array(numbers, np.uint8)
+        layers = np.array([key.image_layer(read.members) for key in keys], np.uint8)
     met = may_be_met_in_layers(projection, place.x, place.y, boxes[:, 0], boxes[:, 1], layers)
-    met &= np.array(owners) != 0
-    meshes = _meshes(depsgraph, met)
+    met &= may_be_seen
+    meshes = _meshes(depsgraph, renders, met)
     pixel = 1.0 / frame.width, 1.0 / frame.height
     own = None if layers is None else layers[met]
     first = first_seen(projection, meshes, place.x, place.y, pixel, own)
-    return wanted[owners[np.flatnonzero(met)[first]]] if first >= 0 else None
+    return wanted[keys[np.flatnonzero(met)[first]].owner_uid] if first >= 0 else None
 
 
-def _boxes(depsgraph, wanted) -> tuple[list[int], Array]:
-    """The address in ``wanted`` of each instance's owner, or 0, and its box, (N, 2, 3) in the world."""
-    owners, corners, matrices, data = [], [], [], []
-    renders = ShownInRenders(depsgraph)
-    for instance in depsgraph.object_instances:
-        obj, parent = instance.object, instance.parent
-        owner = (parent or obj).original.as_pointer()
-        is_shown = obj.type == "MESH" and renders.rays(obj, parent) & CAMERA
-        is_seen = is_shown and owner in wanted
-        owners.append(owner if is_seen else 0)
-        # Objects that are not shown share no mesh.
-        data.append(obj.data.as_pointer() if is_shown else -len(data))
-        corners.append([tuple(corner) for corner in obj.bound_box] if is_seen else [(0.0, 0.0, 0.0)] * 8)
-        matrices.append(np.array(instance.matrix_world, np.float64))
+def _boxes(
+    depsgraph, renders: ShownInRenders, wanted: Collection[int]
+) -> tuple[list[ObjectKey], BoolArray, Array]:
+    """The key of each mesh's instance, whether it may be seen, (N,), and its box in the world, (N, 2, 3).
+
+    wanted: the session ids of owners.
+    """
+    keys, may_be_seen, corners, matrices, data = [], [], [], [], []
+    known: dict[int, list] = {}
+    for instance in instances(depsgraph, {"MESH"}, renders):
+        keys.append(instance.key)
+        may_be_seen.append(bool(instance.rays & CAMERA) and instance.key.owner_uid in wanted)
+        matrices.append(instance.matrix)
+        data.append(instance.data)
+        if data[-1] not in known:
+            known[data[-1]] = [tuple(corner) for corner in instance.obj.bound_box]
+        corners.append(known[data[-1]])
     matrix = np.array(matrices).reshape(-1, 4, 4)
-    mesh = np.unique(np.array(data, np.int64), return_inverse=True)[1]
-    for number in np.flatnonzero(flattened_copies(mesh, matrix)):
-        owners[number] = 0
     with np.errstate(invalid="ignore", over="ignore"):
         placed = np.array(corners, np.float64).reshape(-1, 8, 3) @ matrix[:, :3, :3].swapaxes(1, 2)
         placed += matrix[:, None, :3, 3]
-    return owners, np.stack([placed.min(axis=1), placed.max(axis=1)], axis=1)
+    boxes = np.stack([placed.min(axis=1), placed.max(axis=1)], axis=1)
+    return keys, np.array(may_be_seen, bool) & copies_shown(data, matrices), boxes
 
 
-def _meshes(depsgraph, wanted) -> list:
-    """Vertices in the world and triangles of the instances that are ``wanted`` (N,), in order."""
-    read: dict[tuple[int, frozenset[int]], MeshArrays] = {}
+def _meshes(depsgraph, renders: ShownInRenders, met: BoolArray) -> list:
+    """Vertices in the world and triangles of the instances that are ``met`` (N,), in order."""
+    meshes = MeshTable(read_mesh)
     placed = []
-    for instance, is_wanted in zip(depsgraph.object_instances, wanted, strict=True):
-        if not is_wanted:
-            continue
-        obj = instance.object
-        unmet, slots = unmet_slots(obj), max(len(obj.material_slots), 1)
-        key = obj.data.as_pointer(), unmet
-        if key not in read:
-            read[key] = without_slots(of_mesh(obj, read_mesh), unmet, slots)
-        mesh, matrix = read[key], np.array(instance.matrix_world, np.float64)
-        is_finite = bool((np.abs(matrix) <= LARGEST_COORDINATE).all())
-        triangles = mesh.triangles if is_finite else mesh.triangles[:0]
-        placed.append((mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3], triangles))
+    for instance in compress(instances(depsgraph, {"MESH"}, renders), met):
+        slots = max(len(instance.obj.material_slots), 1)
+        mesh = without_slots(meshes.of(instance), unmet_slots(instance.obj), slots)
+        matrix = instance.matrix
+        placed.append((mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3], mesh.triangles))
     return placed

@@ -16,6 +16,7 @@ from ...projection.user_error import UserError
 from ...shading.typing import Single
 from ..blender.user_errors import failure_message, translated_report
 from ..camera.stereo_views import eye_of, view_camera
+from ..scene.instances import has_type
 from .image_size import render_region, require_size
 from .render_delivery import WHOLE, Delivery
 from .render_inputs import RenderInputs, read_inputs, with_light_warnings, with_motion
@@ -102,7 +103,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
 
     def _keep(self, depsgraph) -> None:
         """Keep the passes of a view layer that Blender draws Grease Pencil into, if it has any."""
-        if not any(instance.object.type == "GREASEPENCIL" for instance in depsgraph.object_instances):
+        if not has_type(depsgraph, "GREASEPENCIL"):
             return
         name, result = depsgraph.view_layer_eval.name, self.get_result()
         passes = result.layers[name].passes

@@ -22,6 +22,7 @@ from ...shading.settings.frame_settings import Border
 from ..blender.user_errors import failure_message
 from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..layers.read_image_layers import read_image_layers
+from ..scene.instances import has_type
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
 from .render_inputs import RenderInputs, frame_settings, read_inputs
@@ -128,9 +129,7 @@ def view_key(context, depsgraph) -> tuple:
 
 def shows_strokes(space, depsgraph) -> bool:
     """Return whether Blender draws Grease Pencil over a viewport, which no engine can change."""
-    return space.show_object_viewport_grease_pencil and any(
-        instance.object.type == "GREASEPENCIL" for instance in depsgraph.object_instances
-    )
+    return space.show_object_viewport_grease_pencil and has_type(depsgraph, "GREASEPENCIL")
 
 
 def viewport_eye(space, depsgraph) -> Eye:

@@ -13,12 +13,13 @@ from ...projection.typing import Array
 from ...projection.user_error import Message, UserError
 from ...shading.scene.shading_scene import Light, Scene
 from . import read_lights
+from .instances import Instance, MeshTable, copies_shown, instances, is_finite
 from .join_meshes import Instances, join_meshes
 from .light_paths import read_bounces, unshown_settings
-from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
+from .mesh_arrays import LARGEST_COORDINATE, of_mesh, read_mesh
 from .read_layers import read_layer
 from .read_materials import MaterialTable, listing
-from .read_visibility import LightLinks, ShownInRenders, flattened_copies, has_hair, unshown_parts
+from .read_visibility import LightLinks, ObjectKey, ShownInRenders, has_hair, unshown_parts
 from .read_world import light_warnings, read_world, with_shadows, world_seen
 
 # Types of objects without faces that Blender's own renders show.
@@ -71,11 +72,11 @@ def read_scene(
     be shown otherwise, or memory cannot hold it.
     """
     reader = _SceneReader(depsgraph, with_uv, image_layers or {}, faceless)
-    for instance in depsgraph.object_instances:
+    for instance in instances(depsgraph, reader.types, ShownInRenders(depsgraph)):
         if cancelled():
             break
         reader.add(instance)
-    geometry = join_meshes(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
+    geometry = join_meshes(reader.meshes.rows, reader.instances(), tuple(reader.object_numbers), with_uv)
     geometry = reader.materials.met(geometry)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
@@ -114,24 +115,23 @@ class _SceneReader:
     """Gathers instances; every mesh, material and visibility is read once."""
 
     def __init__(self, depsgraph, with_uv: bool, image_layers: Mapping[int, int], faceless: Set[str]) -> None:
-        self._image_layers, self._faceless = image_layers, faceless
-        self.meshes: list[MeshArrays] = []
+        self._image_layers = image_layers
+        self.meshes = MeshTable(lambda data: read_mesh(data, with_uv))
         self.object_numbers: dict[str, int] = {}
         self.pass_indices: list[int] = []
         self.lights: list[Light] = []
         self.materials = MaterialTable()
-        self._with_uv = with_uv
         self._scene = depsgraph.scene_eval
         evaluated = depsgraph.view_layer_eval
         self._filtered = {kind for kind, name in FILTERS.items() if not getattr(evaluated, name)}
+        # Of the objects that are read.
+        self.types = ({"MESH", "LIGHT"} | faceless) - self._filtered
         self._material = evaluated.material_override
-        self._renders = ShownInRenders(depsgraph)
         self.links = LightLinks()
         # By object and instancer: its ray visibility, the number by which lamps know it,
         # and the number of its image layer.
-        self._shown: dict[tuple[int, int], tuple[int, int, int]] = {}
+        self._shown: dict[ObjectKey, tuple[int, int, int]] = {}
         self._placed_shown: list[tuple[int, int, int]] = []
-        self._mesh_numbers: dict[int, int] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
         self._placed: list[tuple[int, int]] = []
@@ -144,37 +144,21 @@ class _SceneReader:
         self._tints: dict[int, tuple[Array, tuple[str, ...]]] = {}
         self._notes: dict[str, dict[str, None]] = {}
 
-    def add(self, instance) -> None:
-        """Take one entry of ``object_instances``, without a reference to it."""
-        obj = instance.object
-        if obj.type not in {"MESH", "LIGHT"} and obj.type not in self._faceless:
-            return
-        if obj.type in self._filtered:
-            return
-        own, parent = obj.original, instance.parent
-        pointer = own.as_pointer()
-        key = (pointer, parent.original.as_pointer() if parent else 0)
+    def add(self, instance: Instance) -> None:
+        """Take an instance, without a reference to it."""
+        obj, key = instance.obj, instance.key
         shown = self._shown.get(key)
         if shown is None:
-            name, above = own.name_full, parent.original.name_full if parent else ""
-            rays = self._renders.rays(obj, parent)
-            layer = self._image_layers.get(parent.original.session_uid, 0) if parent else 0
-            layer = layer or self._image_layers.get(own.session_uid, 0)
-            shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0, layer
-            if rays and obj.type == "MESH":
-                self._note_object(obj)
-        if not shown[0]:
-            return
-        if obj.type in self._faceless:
-            self._lost[NO_FACES][own.name] = None
-            return
-        matrix = np.array(instance.matrix_world, np.float64)
+            linked = self.links.number(key.name, key.owner_name)
+            shown = self._shown[key] = instance.rays, linked, key.image_layer(self._image_layers)
         if obj.type == "MESH":
-            self._placed.append(self._mesh_and_look(obj, pointer))
-            self._matrices.append(matrix)
+            self._placed.append(self._mesh_and_look(instance))
+            self._matrices.append(instance.matrix)
             self._placed_shown.append(shown)
-        elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
-            self._lost[BAD_PLACE][own.name] = None
+        elif obj.type != "LIGHT":
+            self._lost[NO_FACES][obj.original.name] = None
+        elif not is_finite(matrix := instance.matrix):
+            self._lost[BAD_PLACE][obj.original.name] = None
         else:
             self._add_lamp(obj, matrix)
 
@@ -203,16 +187,12 @@ class _SceneReader:
         if "CURVES" not in self._filtered and has_hair(obj):
             self._lost[NO_FACES][obj.original.name] = None
 
-    def _mesh_and_look(self, obj, pointer: int) -> tuple[int, int]:
-        mesh_pointer = obj.data.as_pointer()
-        mesh = self._mesh_numbers.get(mesh_pointer)
-        if mesh is None:
-            mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            self.meshes.append(of_mesh(obj, lambda data: read_mesh(data, self._with_uv)))
-        look = self._look_numbers.get((pointer, mesh_pointer))
-        if look is None:
-            look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
-            name = obj.original.name_full
+    def _mesh_and_look(self, instance: Instance) -> tuple[int, int]:
+        mesh, name = self.meshes.number(instance), instance.key.name
+        look = self._look_numbers.setdefault((instance.key.uid, mesh), len(self._looks))
+        if look == len(self._looks):
+            obj = instance.obj
+            self._note_object(obj)
             number = self.object_numbers.setdefault(name, len(self.object_numbers))
             if number == len(self.pass_indices):
                 self.pass_indices.append(obj.pass_index)
@@ -220,14 +200,14 @@ class _SceneReader:
             slots = [self.materials.number(one) for one in ([self._material] if self._material else used)]
             self._looks.append((number, slots or [0]))
             self._read_layers(obj, mesh, slots)
-            if not self.meshes[mesh].finite:
+            if not self.meshes.rows[mesh].finite:
                 self._lost[BAD_SHAPE][name] = None
         return mesh, look
 
     def _read_layers(self, obj, mesh: int, slots: list[int]) -> None:
         """Read the layers that the materials use and that the mesh does not have yet."""
         graphs = [self.materials.graphs[number] for number in set(slots) & self.materials.graphs.keys()]
-        arrays = self.meshes[mesh]
+        arrays = self.meshes.rows[mesh]
         wanted = {name for graph in graphs for name in graph.layers} - arrays.layers.keys()
         if not wanted:
             return
@@ -244,12 +224,10 @@ class _SceneReader:
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
         shown = np.array(self._placed_shown, np.int32).reshape(-1, 3)
-        finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
-        for number in sorted(set(look_object[placed[~finite, 1]].tolist())):
+        for number in sorted(set(look_object[placed[~is_finite(matrix), 1]].tolist())):
             self._lost[BAD_PLACE][names[number]] = None
-        kept = np.flatnonzero(finite)
-        kept = kept[~flattened_copies(placed[kept, 0], matrix[kept])]
+        kept = np.flatnonzero(copies_shown(placed[:, 0], matrix))
         return Instances(
             mesh=placed[kept, 0],
             look=placed[kept, 1],

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,6 @@ from ...shading.scene.shading_scene import Light
 from ..blender import versions
 from ..camera.flexible_camera import control_objects
 
-RAYS = (
-    ("visible_camera", CAMERA),
-    ("visible_shadow", SHADOW),
-    ("visible_glossy", MIRROR),
-    ("visible_transmission", GLASS),
-)
-
 # The Geometry Offset of a new object's Shadow Terminator, which the image does not depend on.
 USUAL_OFFSET, ROUNDING = 0.1, 1e-6
 
@@ -31,22 +25,6 @@ FLATTEST, SHORTEST = float(np.finfo(np.float32).eps), float(np.finfo(np.float32)
 
 # Names of objects, and whether a collection includes or excludes each.
 Members = dict[str, bool]
-
-
-def visible_rays(obj, parent, view_layer) -> int:
-    """The ray visibility of an evaluated object, bits of ``casting.common.ray_visibility``.
-
-    parent: the evaluated object that instances it, or None.
-    """
-    bits = _own_rays(obj) & (_own_rays(parent) if parent else EVERYWHERE)
-    top = (parent or obj).original
-    if top.holdout_get(view_layer=view_layer) or obj.is_holdout:
-        return bits | HOLDOUT if bits & CAMERA else bits
-    if obj.is_shadow_catcher and bits & CAMERA:
-        bits |= CATCHER
-    if top.indirect_only_get(view_layer=view_layer):
-        bits &= ~CAMERA
-    return bits
 
 
 def flattened_copies(mesh: IndexArray, matrix: Array) -> BoolArray:
@@ -87,12 +65,44 @@ def has_hair(obj) -> bool:
     return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
 
 
-def _own_rays(obj) -> int:
-    return sum(bit for name, bit in RAYS if getattr(obj, name))
+class ObjectKey(NamedTuple):
+    """The session ids and full names of an object and of its instancer.
+
+    An object that nothing instances is its own instancer, the one that a click selects.
+    """
+
+    uid: int
+    name: str
+    owner_uid: int
+    owner_name: str
+
+    def image_layer(self, members: Mapping[int, int]) -> int:
+        """The number of the image layer that shows the object; that of its instancer comes first.
+
+        members: the numbers by session id, 0 for others.
+        """
+        return members.get(self.owner_uid) or members.get(self.uid, 0)
+
+
+class _Asked(NamedTuple):
+    """What an object says of itself and of what it instances.
+
+    rays: that meet it. added: HOLDOUT, CATCHER or 0. is_hidden: in renders. is_shown: whether renders show it
+    where nothing instances it, and what it instances. is_held_out, is_indirect: by collections. leaves_out:
+    whether hidden parts of what it instances are left out.
+    """
+
+    rays: int
+    added: int
+    is_hidden: bool
+    is_shown: bool
+    is_held_out: bool
+    is_indirect: bool
+    leaves_out: bool
 
 
 class ShownInRenders:
-    """The objects of a depsgraph that a render shows."""
+    """The objects of a depsgraph that a render shows. Each is asked once, whatever instances it."""
 
     def __init__(self, depsgraph) -> None:
         self._view_layer = depsgraph.view_layer
@@ -100,26 +110,44 @@ class ShownInRenders:
         self._rendered: set[str] | None = None
         if depsgraph.mode != "RENDER":
             self._rendered = {obj.name_full for obj in rendered_objects(depsgraph.view_layer)}
+        self._asked: dict[int, _Asked] = {}
 
-    def rays(self, obj, parent) -> int:
-        """The ray visibility of an object, as ``visible_rays``; 0 if it is not rendered."""
-        own = obj.original
-        top = parent.original if parent else own
-        if own.name_full in self.left_out or top.name_full in self.left_out:
-            return 0
-        if self._rendered is not None and not self._is_rendered(own, top):
-            return 0
-        return EVERYWHERE if obj.type == "LIGHT" else visible_rays(obj, parent, self._view_layer)
+    def rays(self, obj, parent, key: ObjectKey) -> int:
+        """The ray visibility of an evaluated object, bits of ``casting.common.ray_visibility``.
 
-    def _is_rendered(self, own, top) -> bool:
-        """Return whether a render shows an object of a viewport's depsgraph.
-
-        top: the object that instances ``own``, or ``own`` itself. A hidden object can still be instanced, on
-        vertices or by nodes; only instanced collections leave it out.
+        It is 0 if renders do not show the object. parent: the evaluated object that instances it, or None.
         """
-        if top.hide_render or top.name_full not in self._rendered:
-            return False
-        return not own.hide_render or top.instance_type != "COLLECTION"
+        own = self._ask(obj, key.uid, key.name)
+        top = self._ask(parent, key.owner_uid, key.owner_name) if parent else own
+        if not top.is_shown or (top.leaves_out and own.is_hidden) or key.name in self.left_out:
+            return 0
+        if obj.type == "LIGHT":
+            return EVERYWHERE
+        bits = own.rays & top.rays
+        if bits & CAMERA and (top.is_held_out or own.added):
+            bits |= HOLDOUT if top.is_held_out else own.added
+        return bits & ~CAMERA if top.is_indirect and not bits & HOLDOUT else bits
+
+    def _ask(self, obj, uid: int, name: str) -> _Asked:
+        if uid in self._asked:
+            return self._asked[uid]
+        own, rendered = obj.original, self._rendered
+        # A viewport's depsgraph has objects that renders hide.
+        is_hidden = rendered is not None and own.hide_render
+        asked = self._asked[uid] = _Asked(
+            (obj.visible_camera and CAMERA)
+            | (obj.visible_shadow and SHADOW)
+            | (obj.visible_glossy and MIRROR)
+            | (obj.visible_transmission and GLASS),
+            HOLDOUT if obj.is_holdout else CATCHER if obj.is_shadow_catcher else 0,
+            is_hidden,
+            name not in self.left_out and not is_hidden and (rendered is None or name in rendered),
+            own.holdout_get(view_layer=self._view_layer),
+            own.indirect_only_get(view_layer=self._view_layer),
+            # A hidden object can still be instanced, on vertices or by nodes.
+            own.instance_type == "COLLECTION",
+        )
+        return asked
 
 
 def rendered_objects(view_layer) -> set:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...bridge.blender import versions
-from ...bridge.scene.mesh_arrays import LARGEST_COORDINATE, of_mesh, read_mesh
+from ...bridge.scene.instances import NO_THINGS, MeshTable, instances, is_finite
+from ...bridge.scene.mesh_arrays import read_mesh
 from ...bridge.scene.read_visibility import ShownInRenders, has_hair
 from ...casting.common.ray_visibility import CAMERA
 from ...casting.layers.layer_parts import DIRECTIONS, Box, Hull
@@ -50,29 +51,30 @@ class FoundThings:
     boxes: dict[int, list[Array]] = field(default_factory=dict)
 
 
-# Types of objects that are no things.
-NO_THINGS = {"LIGHT", "CAMERA", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
-
-
 def find_things(depsgraph, members: Mapping[int, int], with_rest: bool) -> FoundThings:
     """Find the things of layers from 1 on. members: see ``ReadLayers``. with_rest: boxes of layer 0."""
-    renders, found = ShownInRenders(depsgraph), FoundThings()
-    known: dict[int, Array] = {}
-    scene = depsgraph.scene_eval
-    for instance in depsgraph.object_instances:
-        obj, parent = instance.object, instance.parent
-        if obj.type in NO_THINGS:
+    found, scene = FoundThings(), depsgraph.scene_eval
+    meshes = MeshTable(_used_points)
+    # By address of the data.
+    corners: dict[int, Array] = {}
+    for instance in instances(depsgraph, renders=ShownInRenders(depsgraph)):
+        obj, owner = instance.obj, instance.key.owner_uid
+        if obj.type in NO_THINGS or not instance.rays & CAMERA:
             continue
-        top = (parent or obj).original
-        number = members.get(top.session_uid, 0)
+        # Cycles shows an instance in the layer of what makes it, whatever layer the object is in.
+        number = members.get(owner, 0)
         if not number and not with_rest:
             continue
-        if not renders.rays(obj, parent) & CAMERA:
+        matrix = instance.matrix
+        if not is_finite(matrix):
             continue
-        matrix = np.array(instance.matrix_world, np.float64)
-        if not (np.abs(matrix) <= LARGEST_COORDINATE).all():
-            continue
-        points = _own_points(obj, known) if number else np.array(obj.bound_box, np.float64).T
+        if number and obj.type == "MESH":
+            points = meshes.of(instance)
+        else:
+            address = instance.data
+            if address not in corners:
+                corners[address] = np.array(obj.bound_box, np.float64).T
+            points = corners[address]
         if not points.shape[1]:
             continue
         placed = matrix[:3, :3] @ points + matrix[:3, 3:]
@@ -81,19 +83,15 @@ def find_things(depsgraph, members: Mapping[int, int], with_rest: bool) -> Found
             things.points.append(_extremes(placed))
             things.is_open = things.is_open or _is_open(obj, scene)
         else:
-            found.boxes.setdefault(top.session_uid, []).append(placed)
+            found.boxes.setdefault(owner, []).append(placed)
     return found
 
 
-def _own_points(obj, known: dict[int, Array]) -> Array:
-    """Points (3, N) of an evaluated object with its whole extent, own space. known: those of meshes."""
-    if obj.type != "MESH":
-        return np.array(obj.bound_box, np.float64).T
-    key = obj.data.as_pointer()
-    if key not in known:
-        arrays = of_mesh(obj, read_mesh)
-        known[key] = arrays.vertices[np.unique(arrays.triangles)].astype(np.float64).T
-    return known[key]
+def _used_points(mesh) -> Array:
+    """The vertices (3, N) of an evaluated mesh's triangles."""
+    arrays = read_mesh(mesh)
+    points: Array = arrays.vertices[np.unique(arrays.triangles)].astype(np.float64).T
+    return points
 
 
 def _extremes(points: Array) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
+from ...bridge.scene.instances import NO_THINGS
 from ..skipping.reasons import displaces, has_volume, links
-from .layer_things import NO_THINGS
 
 # Nodes of shaders through which no camera ray passes, or that mix others.
 OPAQUE = {

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...bridge.blender.rig_mark import PASSING_KEY, has_other_animation, is_rig_part
-from ...bridge.scene.mesh_arrays import corner_vertices, foreach, of_mesh, triangle_corners
+from ...bridge.scene.instances import SHAPELESS, Instance, MeshTable, instances
+from ...bridge.scene.mesh_arrays import corner_vertices, foreach, triangle_corners
 from ...projection.typing import Array, IndexArray
 from ..seen_data import links, materials_of
 
-# Objects of these types show nothing to Cycles' rays.
-UNSEEN = {"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT_PROBE", "SPEAKER"}
 # Triangles of all instances together; the instances beyond count as boxes.
 MOST_TRIANGLES = 8_000_000
 # Voxels by which smoke may reach beyond the box of its grid.
@@ -46,11 +45,8 @@ class Bodies:
         self._boxes: list[Array] = []
         self._count = 0
 
-    def read(self, depsgraph, wanted: Callable[..., bool] | None = None) -> None:
-        """Add what a render depsgraph's view layer shows. Raises Unbounded.
-
-        wanted: of instances, None for all.
-        """
+    def read(self, depsgraph, wanted: Callable[[Instance], bool] | None = None) -> None:
+        """Add what a render depsgraph's view layer shows. wanted: None for all. Raises Unbounded."""
         for _, matrix, parts in seen_parts(depsgraph, wanted):
             for part in parts:
                 self._add(part, matrix)
@@ -78,29 +74,33 @@ class Bodies:
             self._triangles.append(placed[triangles].transpose(1, 2, 0))
 
 
-def seen_parts(depsgraph, wanted: Callable[..., bool] | None = None) -> Iterator[tuple]:
+def seen_parts(depsgraph, wanted: Callable[[Instance], bool] | None = None) -> Iterator[tuple]:
     """Each instance that camera rays may meet: its key, its matrix (4, 4) and its parts. Raises Unbounded.
 
-    The key is the same at all times of a scene.
+    The key is the same at all times of a scene. An instance counts even if its instancer or its collection
+    hides it, since nothing tells when that changes. In a temporary scene it does not change.
     """
-    meshes: dict[int, list[Part]] = {}
+    meshes = MeshTable(_triangles_of)
+    # By object and data.
+    known: dict[tuple[int, int], list[Part]] = {}
     override = depsgraph.view_layer_eval.material_override
     passing = depsgraph.view_layer if PASSING_KEY in depsgraph.scene else None
-    for instance in depsgraph.object_instances:
-        obj = instance.object
-        if passing is not None and _is_indirect(instance, passing):
+    for instance in instances(depsgraph):
+        obj = instance.obj
+        if passing is not None and instance.owner.indirect_only_get(view_layer=passing):
             continue
-        if obj.type in UNSEEN or _is_hidden(obj) or (wanted is not None and not wanted(instance)):
+        if obj.type in SHAPELESS or _is_hidden(obj) or (wanted is not None and not wanted(instance)):
             continue
-        matrix = np.array(instance.matrix_world, np.float64)
+        matrix = instance.matrix
+        look = instance.key.uid, instance.data
         if obj.type == "LIGHT":
             matrix, parts = _lamp_parts(obj.data, matrix)
-        elif obj.type == "MESH":
-            parts = _mesh_parts(obj, override, meshes)
+        elif look in known:
+            parts = known[look]
         else:
-            parts = [_box_of(obj)]
-        parent = instance.parent.original.session_uid if instance.is_instance else 0
-        yield (parent, obj.original.session_uid, *instance.persistent_id), matrix, parts
+            is_mesh = obj.type == "MESH"
+            parts = known[look] = _mesh_parts(instance, override, meshes) if is_mesh else [_box_of(obj)]
+        yield (instance.key.owner_uid, instance.key.uid, *instance.numbers), matrix, parts
 
 
 def placed_points(points: Array, matrix: Array) -> Array:
@@ -117,17 +117,20 @@ def corners_of(points: Array) -> Array:
     return corners
 
 
-def _mesh_parts(obj, override, meshes: dict[int, list[Part]]) -> list[Part]:
-    """The parts of an evaluated mesh object. meshes: the triangles of meshes that were read."""
+def _mesh_parts(instance: Instance, override, meshes: MeshTable[list[Part]]) -> list[Part]:
+    """The parts of a mesh's instance. meshes: the triangles of each."""
+    obj = instance.obj
     _require_bounded(obj)
-    key = obj.data.as_pointer()
-    if key not in meshes:
-        vertices, triangles = of_mesh(obj, mesh_triangles)
-        meshes[key] = [Part(vertices, triangles)] if len(triangles) else []
-    whole = [Part(corners_of(part.points), None) for part in meshes[key]]
+    own = meshes.of(instance)
+    whole = [Part(corners_of(part.points), None) for part in own]
     if _is_diced(obj):
         return whole
-    return meshes[key] + (whole if _is_filled(obj, override) else [])
+    return own + (whole if _is_filled(obj, override) else [])
+
+
+def _triangles_of(mesh) -> list[Part]:
+    vertices, triangles = mesh_triangles(mesh)
+    return [Part(vertices, triangles)] if len(triangles) else []
 
 
 def _lamp_parts(lamp, matrix: Array) -> tuple[Array, list[Part]]:
@@ -149,12 +152,6 @@ def _is_hidden(obj) -> bool:
     """Return whether camera rays of the rig never meet an evaluated object."""
     own = obj.original
     return is_rig_part(own) or (not obj.visible_camera and not has_other_animation(own))
-
-
-def _is_indirect(instance, view_layer) -> bool:
-    """Return whether a collection hides an instance from camera rays, which only a passing scene may."""
-    top = instance.parent if instance.is_instance else instance.object
-    return top.original.indirect_only_get(view_layer=view_layer)
 
 
 def mesh_triangles(mesh) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import bpy
 
 from ...bridge.render.image_size import image_size
+from ...bridge.scene.instances import Instance
 from ...bridge.scene.mesh_arrays import foreach
 from ...bridge.scene.render_depsgraph import with_render_depsgraph
 from ...casting.cells.occupied_chords import occupied_chords
@@ -177,9 +178,8 @@ class _ChordSearch:
         occupied = occupied_chords(self._ends, bodies.points())
         self._occupied = occupied if self._occupied is None else self._occupied | occupied
 
-    def _is_mover(self, instance) -> bool:
-        owners = [instance.object, *([instance.parent] if instance.is_instance else [])]
-        return any(owner.original.session_uid in self._movers for owner in owners)
+    def _is_mover(self, instance: Instance) -> bool:
+        return not self._movers.isdisjoint((instance.key.uid, instance.key.owner_uid))
 
     def _read_ends(self, depsgraph) -> Array:
         """The ends of all chords, (n + 1, 3, rows, columns). Raises NotSkipping."""

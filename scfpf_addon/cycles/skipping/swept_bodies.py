@@ -10,10 +10,12 @@ intern/cycles/util/transform.cpp).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from ...bridge.scene.instances import Instance
 from ...casting.cells.body_tree import boxes_as_bodies
 from ...projection.typing import Array, IndexArray
 from .bodies import Bodies, Part, Unbounded, placed_points, seen_parts
@@ -41,9 +43,8 @@ def shutter_of(render) -> Shutter:
 class SweptBodies:
     """The moving instances of a view layer at the sampled times of one frame."""
 
-    def __init__(self, wanted) -> None:
-        """wanted: whether an instance moves."""
-        self._wanted = wanted
+    def __init__(self, moves: Callable[[Instance], bool]) -> None:
+        self._moves = moves
         self._steps: dict[tuple, list[tuple[float, Array, list[Part]]]] = {}
         self.times: set[float] = set()
 
@@ -53,14 +54,15 @@ class SweptBodies:
         The time 0 comes first. Raises Unbounded.
         """
 
-        def wanted(instance) -> bool:
-            return bool(self._wanted(instance)) and _is_sampled(instance, time)
+        def wanted(instance: Instance) -> bool:
+            if not self._moves(instance):
+                return False
+            times = _times(_motion_steps(instance))
+            if time == 0.0:
+                _require_known_velocity(instance.obj)
+                self.times.update(times)
+            return time in times
 
-        if time == 0.0:
-            for instance in depsgraph.object_instances:
-                if self._wanted(instance):
-                    _require_known_velocity(instance.object)
-                    self.times.update(_times(_motion_steps(instance)))
         for key, matrix, parts in seen_parts(depsgraph, wanted):
             if time == 0.0 or key in self._steps:
                 self._steps.setdefault(key, []).append((time, matrix, parts))
@@ -132,15 +134,9 @@ def _times(steps: int) -> list[float]:
     return [2.0 * number / count - 1.0 for number in range(count + 1)] if steps else [0.0]
 
 
-def _is_sampled(instance, time: float) -> bool:
-    return time in _times(_motion_steps(instance))
-
-
-def _motion_steps(instance) -> int:
+def _motion_steps(instance: Instance) -> int:
     """The motion steps of an instance; those of what makes it count as well."""
-    owners = [instance.object.original]
-    if instance.is_instance:
-        owners.append(instance.parent.original)
+    owners = instance.obj.original, instance.owner
     if not all(owner.cycles.use_motion_blur for owner in owners):
         return 0
     return max(1, *(owner.cycles.motion_steps for owner in owners))
