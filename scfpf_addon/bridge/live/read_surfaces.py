@@ -8,16 +8,18 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...projection.typing import BoolArray, IndexArray
+from ...projection.typing import Array, BoolArray, IndexArray
 from ..blender import versions
-from ..blender.shader_nodes import output_shaders, resolve
-from ..scene.read_materials import read_material
+from ..blender.shader_nodes import color_input, constant_glow, output_shaders, resolve, value_input
 from .live_images import ImageUse, active_image, image_use
 from .random_color import random_color
 
 # Workbench's roughness of surfaces that are not coloured by a material, and its grey of empty slots.
 PLAIN_ROUGHNESS = 0.4
 EMPTY = (0.8, 0.8, 0.8, 1.0, 0.0, PLAIN_ROUGHNESS)
+# Shaders that Material Preview takes constants of, in order of preference; the roughness of those that glow.
+PREVIEWED = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "EMISSION")
+GLOWING_ROUGHNESS = 0.5
 # Inputs that an image can colour in Material Preview, in order of preference.
 COLOR_INPUTS = ("Base Color", "Color")
 
@@ -53,15 +55,54 @@ def read_material_values(uids: IndexArray, kind: str) -> MaterialValues:
         material = by_uid.get(uid)
         image = None
         if material is not None and kind == "NODES":
-            found = read_material(material)[0]
-            color = np.maximum(found.base_color, found.emission)
-            values[row] = *color, 1.0, found.metallic, found.roughness
+            color, metallic, roughness = _previewed(material)
+            values[row] = *color, 1.0, metallic, roughness
             image = _colored_by(material)
         elif material is not None:
             values[row] = *material.diffuse_color, material.metallic, material.roughness
             image = active_image(material) if kind == "TEXTURE" else None
         images.append(image)
     return MaterialValues(np.nan_to_num(values), tuple(images))
+
+
+def _previewed(material) -> tuple[Array, float, float]:
+    """The colour (3,), metallic and roughness that stand for a material's surface.
+
+    They are constants of the first Principled BSDF behind the active output, through groups, Mix and Add
+    nodes; without one of the first Diffuse, Glossy or Emission. A glow counts as a colour. An input that a
+    texture feeds, and other shaders, take the values of Viewport Display. This asks for four inputs of one
+    node, in a tenth of the time that the whole graph takes.
+    """
+    usual = np.array(material.diffuse_color[:3], np.float64)
+    if not versions.uses_nodes(material):
+        return usual, 0.0, 1.0
+    glow = constant_glow(material.node_tree)
+    if glow is not None:
+        return np.maximum(glow, 0.0), 0.0, GLOWING_ROUGHNESS
+    shaders = list(output_shaders(material.node_tree))
+    kind = next((each for each in PREVIEWED if any(node.type == each for node, _ in shaders)), None)
+    if kind is None:
+        return usual, material.metallic, material.roughness
+    node, groups = next(each for each in shaders if each[0].type == kind)
+
+    def color(name: str) -> Array:
+        found = color_input(node, groups, name)
+        return usual if found is None else found
+
+    def value(name: str, otherwise: float) -> float:
+        found = value_input(node, groups, name)
+        return otherwise if found is None else found
+
+    if kind == "BSDF_DIFFUSE":
+        return np.maximum(color("Color"), 0.0), 0.0, 1.0
+    if kind == "EMISSION":
+        return np.maximum(color("Color") * value("Strength", 1.0), 0.0), 0.0, GLOWING_ROUGHNESS
+    roughness = value("Roughness", material.roughness)
+    if kind == "BSDF_GLOSSY":
+        return np.maximum(color("Color"), 0.0), 1.0, roughness
+    strength = value("Emission Strength", 1.0)
+    glow = color("Emission Color") * strength if strength else np.zeros(3)
+    return np.maximum(color("Base Color"), glow), value("Metallic", material.metallic), roughness
 
 
 def _colored_by(material) -> ImageUse | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...projection.typing import Array
 from ...shading.nodes import colors, numbers
-from ...shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
+from ...shading.nodes.graph import Closure, MaterialGraph, Operation, Ref, finite
 
 # Operations that need no shading context: of constants they give constants.
 PURE = {**colors.OPERATIONS, **numbers.OPERATIONS}
@@ -27,7 +27,7 @@ class GraphBuilder:
 
     def constant(self, *value: float) -> Ref:
         """The constant of one number or three; NaN and infinity become 0."""
-        return self._constant(np.nan_to_num(np.array(value, np.float64), posinf=0.0, neginf=0.0))
+        return self._constant(finite(np.array(value, np.float64)))
 
     def _constant(self, value: Array) -> Ref:
         key = value.tobytes()
@@ -44,7 +44,7 @@ class GraphBuilder:
         values = [self.value(ref) for ref in inputs]
         if inputs and kind in PURE and all(value is not None for value in values):
             found = PURE[kind]([value.reshape(-1, 1) for value in values], settings, None)
-            return [self._constant(np.nan_to_num(each.reshape(-1))) for each in found]
+            return [self._constant(finite(each.reshape(-1))) for each in found]
         number = self._append(Operation(kind, inputs, settings)).operation
         return [Ref(number, output) for output in range(outputs)]
 

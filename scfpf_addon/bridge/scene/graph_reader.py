@@ -112,11 +112,14 @@ class NodeInputs:
     def __init__(self, reader: GraphReader, node, groups: tuple) -> None:
         self._reader, self.node, self._groups = reader, node, groups
         self.builder = reader.builder
+        self._by_identifier: dict[str, object] | None = None
 
     def _socket(self, name: str | int):
         if isinstance(name, int):
             return self.node.inputs[name]
-        return next((one for one in self.node.inputs if one.identifier == name), None)
+        if self._by_identifier is None:
+            self._by_identifier = {one.identifier: one for one in self.node.inputs}
+        return self._by_identifier.get(name)
 
     def _read(self, name: str | int, wanted: str) -> Ref:
         found = self._linked(name, wanted)

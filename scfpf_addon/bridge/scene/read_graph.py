@@ -44,8 +44,8 @@ VOLUMES = {"PRINCIPLED_VOLUME", "VOLUME_ABSORPTION", "VOLUME_COEFFICIENTS", "VOL
 class GraphReading:
     """The surface of a material.
 
-    graph: None for a black surface, or none. plain: whether it is an opaque surface of the constants of one
-    shader, which needs no graph. notes: on parts that are not shown as they are. volume_only: whether there
+    graph: None for a black surface, or none. plain: whether it is one opaque closure of constants, of which
+    rays follow no reflection. notes: on parts that are not shown as they are. volume_only: whether there
     is a volume and no surface, so that no ray meets the material's faces; as in Cycles a surface whose glow
     is always black does not count.
     """
@@ -70,14 +70,8 @@ def read_graph(tree) -> GraphReading:
         volume_only = volume is not None and is_fed(volume) and not reader.has_volume
         return GraphReading(None, False, tuple(builder.notes), volume_only)
     reflects = any(_reflects(builder, closure) for closure in builder.closures)
-    plain = not reflects and _is_alone(surface) and _is_plain(builder, builder.closures[0])
+    plain = not reflects and len(builder.closures) == 1 and _is_plain(builder, builder.closures[0])
     return GraphReading(builder.graph(reflects), plain, tuple(builder.notes))
-
-
-def _is_alone(surface) -> bool:
-    """Return whether one shader feeds a surface, without a mix or a sum of several."""
-    source, _ = resolve(surface)
-    return not source.is_output or source.node.type not in {"MIX_SHADER", "ADD_SHADER"}
 
 
 def _is_plain(builder: GraphBuilder, closure: Closure) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..nodes.graph import Closure, Ref, finite
+from ..nodes.graph import Closure, MaterialGraph, Ref, finite
 
 # The least index of refraction.
 LEAST_IOR = 1e-5
@@ -166,3 +166,20 @@ class ClosureRows:
                 self[each][:] = values
         if closure.kind in TINTED_ONCE:
             self["base_color"][:] = self["base_color"] ** 2
+
+    def fill_constants(self, graphs: Mapping[int, MaterialGraph]) -> None:
+        """Write the parameters of graphs that have one closure of constants each. graphs: by row."""
+        kinds: dict[str, list[int]] = {}
+        for number, graph in graphs.items():
+            kinds.setdefault(graph.closures[0].kind, []).append(number)
+        for numbers in kinds.values():
+            closures = [(graphs[number], graphs[number].closures[0]) for number in numbers]
+            _, first = closures[0]
+            names = [name for name in first.inputs if name != "normal"]
+            values = [[graph.constant(each.inputs[name]) for graph, each in closures] for name in names]
+            weights = [graph.constant(each.weight) for graph, each in closures]
+            results: list[tuple[Array, ...]] = [(np.stack(each, axis=1),) for each in (weights, *values)]
+            alike = Closure(first.kind, Ref(0), {name: Ref(k) for k, name in enumerate(names, 1)})
+            rows = ClosureRows.empty(len(numbers))
+            rows.fill(alike, results)
+            self.rows[:, numbers] = rows.rows

@@ -97,9 +97,14 @@ class MaterialGraph:
             for each in self.closures
         )
 
+    def constant(self, ref: Ref) -> Array:
+        """The value of an output that is a constant, (1,) or (3,)."""
+        value: Array = self.operations[ref.operation].settings["value"]
+        return value
+
     def _is_always(self, ref: Ref, value: float) -> bool:
-        operation = self.operations[ref.operation]
-        return operation.kind == "CONSTANT" and bool(np.all(operation.settings["value"] == value))
+        is_constant = self.operations[ref.operation].kind == "CONSTANT"
+        return is_constant and bool(np.all(self.constant(ref) == value))
 
 
 def finite(values: Array) -> Array:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials as constants: the Principled BSDF's, through links, groups and mixes, or the viewport's."""
+"""Materials as constants, folded through links, groups and mixes; and as Material Preview shows them."""
+
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -7,6 +9,16 @@ import pytest
 
 VIEWPORT = (0.11, 0.22, 0.33)
 RED = (0.9, 0.1, 0.05)
+
+
+class Constants(NamedTuple):
+    """Constants of a material."""
+
+    base_color: np.ndarray
+    metallic: float
+    roughness: float
+    specular_f0: float
+    emission: np.ndarray
 
 
 @pytest.fixture
@@ -19,7 +31,22 @@ def read_material(addon):
         obj = bpy.context.object
         obj.data.materials.append(material)
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        return module.read_material(evaluated.material_slots[0].material)
+        table = module.MaterialTable()
+        number = table.number(evaluated.material_slots[0].material)
+        made = table.materials()
+        return Constants(*(getattr(made, name)[number] for name in Constants._fields)), not table.graphs
+
+    return read
+
+
+@pytest.fixture
+def preview(addon):
+    """The colour, metallic and roughness with which Material Preview shows a material."""
+    module = addon("bridge.live.read_surfaces")
+
+    def read(material):
+        values = module.read_material_values(np.array([material.session_uid]), "NODES").values[0]
+        return values[:3], values[4], values[5]
 
     return read
 
@@ -62,7 +89,7 @@ def test_principled_constants(read_material):
             tree,
             Base_Color=RED,
             Metallic=0.25,
-            Roughness=0.6,
+            Roughness=0.95,
             Emission_Color=(1.0, 0.5, 0.0),
             Emission_Strength=3.0,
         ),
@@ -70,7 +97,7 @@ def test_principled_constants(read_material):
     constants, whole = read_material(material)
     assert whole
     assert constants.base_color == pytest.approx(RED)
-    assert (constants.metallic, constants.roughness) == pytest.approx((0.25, 0.6))
+    assert (constants.metallic, constants.roughness) == pytest.approx((0.25, 0.95))
     assert constants.emission == pytest.approx((3.0, 1.5, 0.0))
 
 
@@ -91,7 +118,7 @@ def test_linked_constants_count_through_reroutes(read_material):
     shader = principled(tree)
     color, value, reroute = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeValue"), None
     color.outputs[0].default_value = (*RED, 1)
-    value.outputs[0].default_value = 0.125
+    value.outputs[0].default_value = 0.9375
     source = color.outputs[0]
     for _ in range(2):
         reroute = tree.nodes.new("NodeReroute")
@@ -107,23 +134,43 @@ def test_linked_constants_count_through_reroutes(read_material):
     constants, whole = read_material(material)
     assert whole
     assert constants.base_color == pytest.approx(RED)
-    assert constants.roughness == 0.125
-    assert constants.emission == pytest.approx((0.25, 0.25, 0.25))
+    assert constants.roughness == 0.9375
+    assert constants.emission == pytest.approx((1.875, 1.875, 1.875))
     assert constants.metallic == pytest.approx(0.2126 * RED[0] + 0.7152 * RED[1] + 0.0722 * RED[2])
 
 
-def test_a_texture_is_shown_in_viewport_colour(read_material):
+def test_constants_are_folded(read_material):
+    """Sums of constants and mixes by 0 or 1 are constants."""
+    material = new_material()
+    tree = material.node_tree
+    half, sixth = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMath")
+    half.operation, sixth.operation = "ADD", "MULTIPLY"
+    for node, values in ((half, (0.125, 0.375)), (sixth, (0.5, 1 / 3))):
+        for socket, value in zip(node.inputs, values, strict=False):
+            socket.default_value = value
+    tree.links.new(half.outputs[0], sixth.inputs[0])
+    first, second = principled(tree), principled(tree, Base_Color=RED, Emission_Color=(1.0, 1.0, 1.0))
+    tree.links.new(sixth.outputs[0], second.inputs["Emission Strength"])
+    mix = add(tree, "ShaderNodeMixShader")
+    mix.inputs[0].default_value = 1.0
+    for socket, node in zip(mix.inputs[1:], (first, second), strict=True):
+        tree.links.new(node.outputs[0], socket)
+    show(tree, mix)
+    constants, whole = read_material(material)
+    assert whole and constants.base_color == pytest.approx(RED)
+    assert constants.emission == pytest.approx((1 / 6,) * 3)
+
+
+def test_a_texture_is_previewed_in_viewport_colour(read_material, preview):
     material = new_material()
     tree = material.node_tree
     shader, noise = principled(tree, Emission_Strength=0.0), tree.nodes.new("ShaderNodeTexNoise")
     for name in ("Base Color", "Metallic", "Roughness", "Emission Color"):
         tree.links.new(noise.outputs[0], shader.inputs[name])
     show(tree, shader)
-    constants, whole = read_material(material)
-    assert not whole
-    assert constants.base_color == pytest.approx(VIEWPORT)
-    assert (constants.metallic, constants.roughness) == pytest.approx((0.7, 0.3))
-    assert not np.any(constants.emission)
+    assert not read_material(material)[1]
+    color, metallic, roughness = preview(material)
+    assert color == pytest.approx(VIEWPORT) and (metallic, roughness) == pytest.approx((0.7, 0.3))
 
 
 def test_muted_links_do_not_count(read_material):
@@ -137,7 +184,7 @@ def test_muted_links_do_not_count(read_material):
 
 
 @pytest.mark.parametrize("mixer", ["ShaderNodeMixShader", "ShaderNodeAddShader"])
-def test_the_first_principled_behind_mixes_counts(read_material, mixer):
+def test_the_first_principled_behind_mixes_is_previewed(preview, mixer):
     material = new_material()
     tree = material.node_tree
     inner, outer = tree.nodes.new(mixer), tree.nodes.new(mixer)
@@ -148,22 +195,24 @@ def test_the_first_principled_behind_mixes_counts(read_material, mixer):
     tree.links.new(inner.outputs[0], first)
     tree.links.new(principled(tree).outputs[0], second)
     show(tree, outer)
-    assert read_material(material)[0].base_color == pytest.approx(RED)
+    assert preview(material)[0] == pytest.approx(RED)
 
 
-def test_diffuse_glossy_and_emission(read_material):
+def test_diffuse_glossy_and_emission(read_material, preview):
     expected = {
-        "ShaderNodeBsdfDiffuse": (RED, 0.0, 0.0, (0, 0, 0)),
-        "ShaderNodeBsdfGlossy": (RED, 1.0, 0.04, (0, 0, 0)),
-        "ShaderNodeEmission": ((0, 0, 0), 0.0, 0.0, RED),
+        "ShaderNodeBsdfDiffuse": (RED, 0.0, (0, 0, 0)),
+        "ShaderNodeBsdfGlossy": (RED, 1.0, (0, 0, 0)),
+        "ShaderNodeEmission": ((0, 0, 0), 0.0, RED),
     }
-    for kind, (base, metallic, f0, emission) in expected.items():
+    for kind, (base, metallic, emission) in expected.items():
         material = new_material()
-        show(material.node_tree, add(material.node_tree, kind, Color=RED))
+        rough = {"Roughness": 0.95} if "Glossy" in kind else {}
+        show(material.node_tree, add(material.node_tree, kind, Color=RED, **rough))
         constants, whole = read_material(material)
         assert whole
         assert constants.base_color == pytest.approx(base) and constants.emission == pytest.approx(emission)
-        assert (constants.metallic, constants.specular_f0) == (metallic, f0)
+        assert (constants.metallic, constants.specular_f0) == (metallic, 0.0)
+        assert preview(material)[0] == pytest.approx(RED) and preview(material)[1] == metallic
 
 
 def group_with_principled():
@@ -202,15 +251,13 @@ def test_groups_are_entered_and_their_inputs_followed(read_material):
     assert read_material(material)[0].base_color == pytest.approx((0, 0, 1))
 
 
-def test_other_shaders_and_no_output_take_the_viewport_colour(read_material):
+def test_other_shaders_and_no_output_are_previewed_in_the_viewport_colour(preview):
     for link in (True, False):
         material = new_material()
         glass = add(material.node_tree, "ShaderNodeBsdfGlass")
         if link:
             show(material.node_tree, glass)
-        constants, whole = read_material(material)
-        assert not whole
-        assert constants.base_color == pytest.approx(VIEWPORT)
+        assert preview(material)[0] == pytest.approx(VIEWPORT)
 
 
 def test_without_nodes_the_viewport_colour_is_all_there_is(read_material, addon, monkeypatch):
@@ -233,18 +280,18 @@ def test_uses_nodes_follows_the_switch_where_there_is_one(addon):
 
 def test_animated_inputs_are_read_as_evaluated(read_material):
     material = new_material()
-    shader = principled(material.node_tree)
+    shader = add(material.node_tree, "ShaderNodeEmission", Color=(1.0, 1.0, 1.0))
     show(material.node_tree, shader)
     for frame, value in ((1, 0.0), (11, 1.0)):
-        shader.inputs["Roughness"].default_value = value
-        shader.inputs["Roughness"].keyframe_insert("default_value", frame=frame)
+        shader.inputs["Strength"].default_value = value
+        shader.inputs["Strength"].keyframe_insert("default_value", frame=frame)
     seen = []
     # Not from the current frame: Blender keeps unkeyed edits until the frame changes.
     bpy.context.scene.frame_set(20)
     read_material(material)
     for frame in (1, 6, 11):
         bpy.context.scene.frame_set(frame)
-        seen.append(read_material(material)[0].roughness)
+        seen.append(read_material(material)[0].emission[0])
     assert seen == pytest.approx([0.0, 0.5, 1.0], abs=1e-6)
 
 
