@@ -29,6 +29,9 @@ from .visible_nodes import across_border, all_on_one_side, beyond_rim, past_bord
 SMALL = 16.0
 # Parts of an edge are below float32's resolution after so many rounds; a file may ask for any number.
 MOST_ROUNDS = 24
+# A mesh so many times as large as the volume is divided more often: by so many rounds, and by one for each
+# doubling of its size. Volumes of several branches, whose faces often have no place, are slow to divide.
+LARGE, LARGE_OF_BRANCHES, MORE_ROUNDS = 1.0, 4.0, 3.0
 # A face without a place stays so if it is smaller than this share of the distance of the cloud's points.
 SMALL_SHARE = 0.5
 
@@ -119,8 +122,19 @@ def _rounds(nodes: GeometryBuilder, given, triangles: Value) -> dict[str, Value]
         return nodes.domain_size(state["Active"], "Face Count") > 0.5
 
     state = {"Active": ("GEOMETRY", triangles), "Done": ("GEOMETRY", None), "Left": ("FLOAT", 0.0)}
-    rounds = nodes.integer("MINIMUM", given["Rounds"], MOST_ROUNDS)
+    rounds = nodes.integer("ADD", given["Rounds"], _more_rounds(nodes, given, triangles))
+    rounds = nodes.integer("MINIMUM", rounds, MOST_ROUNDS)
     return nodes.repeat(rounds, state, "Divide", body, any_left)
+
+
+def _more_rounds(nodes: GeometryBuilder, given, triangles: Value) -> Value:
+    """The rounds that faces larger than the volume need besides, such as a ground or a dome of the sky."""
+    low, high = nodes.outs("GeometryNodeBoundBox", "Faces", {"Geometry": triangles}, "Min", "Max")
+    least, most = nodes.outs("GeometryNodeBoundBox", "Volume", {"Geometry": given["Cloud"]}, "Min", "Max")
+    times = (high - low).largest() * (1.0 / (most - least).largest().max(1e-30))
+    more = nodes.combine("LOGARITHM", times.max(1.0), 2.0) + MORE_ROUNDS
+    limit = nodes.switch(given["Branch"], LARGE, LARGE_OF_BRANCHES, "FLOAT", "Large")
+    return nodes.switch(times > limit, 0.0, more, "FLOAT", "Larger?")
 
 
 def _onto_creases(nodes: GeometryBuilder, given, mesh: Value) -> Value:

@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from made_cameras import PRESETS
-from mathutils import Euler
+from mathutils import Euler, Vector
+from mathutils.bvhtree import BVHTree
 
 pytestmark = pytest.mark.usefixtures("built_groups")
 
@@ -250,6 +251,28 @@ def test_faces_beyond_both_ends_of_a_view_all_round_are_left_out(addon, scanline
     assert 0 < len(seen.data.polygons) < 20_000
     # All of its points have a place, though faces across the seam have corners at both ends.
     assert scanline.remap_counts(seen)["unreachable"] == 0
+
+
+@pytest.mark.parametrize("size", [1e3, 1e4, 1e5, 1e6])
+def test_a_ground_of_any_size_has_a_place(scanline, flexible, camera, remapped, size):
+    """One face of two sizes across, in a view that ends at 1,000."""
+    camera.location, camera.rotation_euler = (0.0, -10.0, 2.0), (1.4, 0.0, 0.0)
+    camera.data.clip_end = 1000.0
+    bpy.context.view_layer.update()
+    flexible.volume_from_camera(camera, bpy.context.scene)
+    corners = [(x, y, 0.0) for y in (-size, size) for x in (-size, size)]
+    picture = remapped(camera, corners, 1)
+    bpy.data.objects["Points"].data = ground = bpy.data.meshes.new("Ground")
+    ground.from_pydata(corners, [], [(0, 1, 3, 2)])
+    seen = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert scanline.remap_counts(seen)["unreachable"] == 0
+    polygons = [list(face.vertices) for face in seen.data.polygons]
+    tree = BVHTree.FromPolygons([vertex.co for vertex in seen.data.vertices], polygons)
+    # The lower part of the image looks at the ground nearer than 100.
+    for x, y in np.stack(np.meshgrid(np.linspace(-0.49, 0.49, 25), np.linspace(-0.27, -0.1, 9)), -1).reshape(
+        -1, 2
+    ):
+        assert tree.ray_cast(Vector((x, y, -1.0)), Vector((0.0, 0.0, -1.0)), 1.0)[0] is not None
 
 
 def test_normals_materials_uvs_and_colours_survive(addon, scanline, flexible, camera, remapped):
