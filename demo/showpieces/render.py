@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from demo.recipes.jobs import RECIPES  # noqa: E402
-from demo.recipes.steps import Recipe, add, place, prepare, render  # noqa: E402
+from demo.recipes.steps import Recipe, add, place, prepare, render, size  # noqa: E402
 from demo.render_demo import enable_add_on, open_on, scratch_profile  # noqa: E402
 
 FOLDER, OUTPUT = ROOT / "docs" / "showpieces", ROOT / "demo" / "output" / "showpieces"
@@ -110,7 +110,8 @@ def _nave() -> Recipe:
 
         return build_nave()
 
-    steps = (add("panini_vertical"), place((0.0, 2.6, 6.0)), render())
+    # A volume gets the image's shape as it is when the preset is chosen.
+    steps = (size(*NAVE_SIZE), add("panini_vertical"), place((0.0, 2.6, 6.0)), render())
     return Recipe("nave", "A nave from floor to vault", "", build, steps, "")
 
 
@@ -148,13 +149,13 @@ def _evening_car() -> Recipe:
 
 
 # The pixels of the pictures of the street.
-STREET_SIZE = (1920, 960)
+STREET_SIZE, NAVE_SIZE = (1920, 960), (1200, 1920)
 
 PIECES = {
     "bust": Piece(_bust(), (1231, 1920), lambda scene: None),
     "impossible-street": Piece(_impossible(), STREET_SIZE, evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
-    "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
+    "nave": Piece(_nave(), NAVE_SIZE, lambda scene: None),
     "evening-car": Piece(_evening_car(), STREET_SIZE, evening),
     "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, evening),
 }
