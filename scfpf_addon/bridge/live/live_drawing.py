@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live View in 3D viewports: live images drawn over the frame of a flexible camera."""
+"""Live View in 3D viewports: edits noticed, and live images drawn over the frame of a flexible camera."""
 
 from __future__ import annotations
 

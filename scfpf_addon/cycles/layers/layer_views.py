@@ -23,7 +23,7 @@ from ..rig_data import rigs
 from .layer_eyes import LayerView
 from .layer_things import FoundThings, find_things
 from .opaque_things import is_all_opaque
-from .shown_pixels import within
+from .joined_layers import within
 from .temporary_scene import TemporaryScene
 
 # Pixels around a layer's own that its things may colour besides the filter's.

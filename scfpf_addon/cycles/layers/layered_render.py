@@ -25,7 +25,7 @@ from .exr_passes import Pass, read_passes
 from .joined_passes import COMBINED, OF_ONE_SAMPLE, POSITION, Mist, delivered, summed
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
-from .shown_pixels import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
+from .joined_layers import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
 from .temporary_scene import KEY_SIDE, TemporaryScene
 
 # The share from which a part of a pixel stands for its one sample.

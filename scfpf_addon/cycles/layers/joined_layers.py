@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels of an image that a view shows: their colours, and the keys by which views are compared."""
+"""The join of an image's layers: pixels that each view shows, and the keys by which views are compared."""
 
 from __future__ import annotations
 
