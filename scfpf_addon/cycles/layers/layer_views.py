@@ -20,10 +20,10 @@ from ...projection.volume.viewing_volume import Projection
 from ...shading.settings.frame_settings import Border
 from ..hidden_surfaces import has_rendered
 from ..rig_data import rigs
+from .joined_layers import within
 from .layer_eyes import LayerView
 from .layer_things import FoundThings, find_things
 from .opaque_things import is_all_opaque
-from .joined_layers import within
 from .temporary_scene import TemporaryScene
 
 # Pixels around a layer's own that its things may colour besides the filter's.

@@ -22,10 +22,10 @@ from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
 from .covered_pixels import covered, without_neighbours
 from .exr_passes import Pass, read_passes
+from .joined_layers import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
 from .joined_passes import COMBINED, OF_ONE_SAMPLE, POSITION, Mist, delivered, summed
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
-from .joined_layers import ShownPixels, around, hidden_behind, join_into, padded, slices, widened, within
 from .temporary_scene import KEY_SIDE, TemporaryScene
 
 # The share from which a part of a pixel stands for its one sample.
