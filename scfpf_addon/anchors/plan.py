@@ -53,7 +53,7 @@ MARGIN, GROWN, BEFORE = 3.0, 0.04, 0.01
 # What lies farther than this multiple of the farthest point is not rendered.
 BEYOND = 4.0
 # Nothing is rendered that is nearer than this share of the nearest point.
-NEAREST = 1e-3
+NEAREST = 0.02
 MOST_SIDE = 8192
 
 

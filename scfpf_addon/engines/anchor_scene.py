@@ -23,6 +23,14 @@ from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError
 
 CAMERA = "SCFPF Anchor"
+LOST = "The scene's copy was removed meanwhile: render again"
+# Settings of a scene that pictures do not follow, in the artist's words.
+LEFT_OUT = {
+    "use_motion_blur": "motion blur",
+    "use_freestyle": "Freestyle",
+    "use_border": "the border, the whole picture is rendered",
+    "use_multiview": "stereoscopy, this is one view",
+}
 # The width of the pixel filter: each pixel of an anchor shows one place.
 POINT = 0.01
 # An engine's camera shows nothing nearer than this.
@@ -77,6 +85,7 @@ class AnchorScene:
         except TypeError as error:
             raise UserError("There is no render engine '{0}': choose another", engine) from error
         self._own = {name: getattr(render, name) for name in OF_OWN_VIEW}
+        self.left_out = [text for name, text in LEFT_OUT.items() if getattr(render, name)]
         self._own_filter = (
             (copy.cycles.pixel_filter_type, copy.cycles.filter_width) if has_cycles(copy) else ()
         )
@@ -85,7 +94,6 @@ class AnchorScene:
         render.use_border = False
         # In a window: edits between two renders would be seen in one of them only.
         render.use_lock_interface = True
-        render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
         render.filter_size = POINT
         if has_cycles(copy):
             copy.cycles.pixel_filter_type, copy.cycles.filter_width = "BLACKMAN_HARRIS", POINT
@@ -101,21 +109,22 @@ class AnchorScene:
         """The copy; None if it has been removed meanwhile, as by undo."""
         return bpy.data.scenes.get((self.name, None))
 
+    def _present(self):
+        """The copy. Raises UserError if it has been removed."""
+        if self.scene is None or self.scene.camera is None:
+            raise UserError(LOST)
+        return self.scene
+
     @property
     def path(self) -> str:
         """The file that renders are written to."""
         return os.path.join(self._folder, "anchor.exr")
 
-    @property
-    def blurs(self) -> bool:
-        """Return whether the artist's scene has motion blur."""
-        return bool(self._own["use_motion_blur"])
-
     def look_through(self, anchor: Anchor) -> None:
         """Let the next render be that of an anchor, into a file that does not exist yet."""
         with suppress(FileNotFoundError):
             os.remove(self.path)
-        scene = self.scene
+        scene = self._present()
         camera, lens = scene.camera, scene.camera.data
         camera.matrix_world = Matrix(anchor.matrix.tolist())
         width = anchor.window.extent[0]
@@ -128,11 +137,13 @@ class AnchorScene:
         lens.shift_x = 0.5 * (anchor.window.left + anchor.window.right) / float(width)
         lens.shift_y = 0.5 * (anchor.window.bottom + anchor.window.top) / float(width)
         lens.clip_start, lens.clip_end = max(anchor.start, NEAREST), anchor.end
-        scene.render.resolution_x, scene.render.resolution_y = anchor.size
+        render = scene.render
+        render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
+        render.resolution_x, render.resolution_y = anchor.size
 
     def look_as(self, camera) -> None:
         """Let the next render be the ordinary one of a camera."""
-        scene = self.scene
+        scene = self._present()
         scene.camera = camera
         for name, value in self._own.items():
             setattr(scene.render, name, value)
@@ -141,7 +152,7 @@ class AnchorScene:
 
     def show_world_alone(self) -> None:
         """Leave all things out of further renders."""
-        scene = self.scene
+        scene = self._present()
         for child in scene.view_layers[0].layer_collection.children:
             child.exclude = True
         for obj in scene.collection.objects[:]:

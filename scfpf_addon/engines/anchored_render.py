@@ -104,8 +104,7 @@ class AnchoredRender:
         """What the picture does not show as the scene says."""
         scene = self._passing.scene
         found = {FACELESS[o.type] for o in scene.objects if o.type in FACELESS and not o.hide_render}
-        left = ["depth of field"] if has_lens else []
-        left += ["motion blur"] if self._passing.blurs else []
+        left = [*self._passing.left_out, *(["depth of field"] if has_lens else [])]
         texts = [Message(LEFT_OUT, ", ".join(left))] if left else []
         return texts + ([Message(AS_IT_COMES, ", ".join(sorted(found)))] if found else [])
 

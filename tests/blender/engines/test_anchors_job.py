@@ -121,6 +121,23 @@ def test_pixels_show_what_their_projectors_meet(scene, jobs, addon, preset):
     assert np.median(off[inner]) < 0.1
 
 
+def test_the_picture_has_the_size_and_shape_that_the_scene_says(scene, jobs, addon):
+    """Half the pixels, twice as wide: each shows what its projector meets."""
+    flexible(scene.camera, "cylindrical_panorama")
+    scene.camera.scfpf.samples = 1
+    jobs.render_anchors(bpy.context, scene.camera)
+    whole = result()
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, 2 * HEIGHT, 50
+    render.pixel_aspect_x, render.pixel_aspect_y = 2.0, 1.0
+    jobs.render_anchors(bpy.context, scene.camera)
+    image = result()
+    assert image.shape[:2] == (HEIGHT, WIDTH // 2)
+    both = 0.5 * (whole[:, ::2] + whole[:, 1::2])
+    assert np.median(np.abs(image - both)) < 0.01
+    assert (render.resolution_percentage, render.pixel_aspect_x) == (50, 2.0)
+
+
 @pytest.mark.parametrize("engine", ["eevee", "workbench"])
 def test_other_engines_see_the_same_things(scene, jobs, addon, engine):
     """Through a parallel volume, one render: a small picture by Blender's other engines."""
