@@ -44,7 +44,7 @@ def _note_cancel(*_) -> None:
 
 
 class PicturesRender(ModalJob):
-    """What operators share that render pictures of several renders.
+    """The base of operators whose pictures take several renders.
 
     Those have ``new_job``, which makes their ``LayersJob``.
     """
@@ -152,7 +152,7 @@ class PicturesRender(ModalJob):
             self.report({"INFO"}, job.outcome)
         # As after Render: without the option UNDO, whose redo panel would render at every change.
         if bpy.ops.ed.undo_push.poll():
-            bpy.ops.ed.undo_push(message="SCFPF Layers")
+            bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"}
 
 

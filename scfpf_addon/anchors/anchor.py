@@ -86,8 +86,8 @@ class Anchor:
     def holds(self, places: AnchorPlaces) -> BoolArray:
         """Return whether places are in the picture, with all four pixels around them, (N,)."""
         width, height = self.size
-        inside: BoolArray = (places.across >= 0.5) & (places.across <= width - 0.5)
-        inside &= (places.up >= 0.5) & (places.up <= height - 0.5)
+        inside: BoolArray = (places.across >= 0.5) & (places.across < width - 0.5)
+        inside &= (places.up >= 0.5) & (places.up < height - 0.5)
         return inside & (places.depth > self.start) & (places.depth < self.end)
 
     def directions(self, points: Array) -> Array:

@@ -59,16 +59,18 @@ MOST_SIDE = 8192
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """What anchors have to do.
+    """What anchors are asked to do.
 
     angle: the largest one between an anchor's ray and the projector, radians. texels: an anchor's pixels
-    along a side of the image's pixel. most: the number of anchors. coverage: the share of points after which
-    no further one is added.
+    along a side of the image's pixel. most: the number of anchors. pixels: those of all anchors, as a
+    multiple of the image's, for they are kept until they are joined. coverage: the share of points after
+    which no further one is added.
     """
 
     angle: float = float(np.radians(20.0))
     texels: float = 1.5
     most: int = 64
+    pixels: float = 32.0
     coverage: float = 0.9995
 
 
@@ -129,11 +131,16 @@ def sky_anchors(
     scene: CastScene, projection: Projection, size: tuple[int, int], axes: Array, limits: PlanLimits
 ) -> list[Anchor]:
     """Anchors of the world alone, in the middle of a scene, for what projectors see that meet nothing."""
-    points = _looked_at(scene, [projection], size, COLUMNS)
-    points = points.take(np.flatnonzero(~points.is_hit))
+    points = sky_points(scene, projection, size)
     if not len(points.number):
         return []
     return _from_one_eye(at_infinity(points, scene.centre), scene.centre, axes, size, limits)
+
+
+def sky_points(scene: CastScene, projection: Projection, size: tuple[int, int]) -> ShownPoints:
+    """Those of the points looked at that are on no thing."""
+    points = _looked_at(scene, [projection], size, COLUMNS)
+    return points.take(np.flatnonzero(~points.is_hit))
 
 
 def at_infinity(points: ShownPoints, eye: Array) -> ShownPoints:
@@ -328,6 +335,9 @@ class _Cover:
             if gain.sum() < max(LEAST_GAIN * count, 1.0):
                 break
             candidates.remove(best)
+            made = sum(anchor.count for anchor in chosen)
+            if made + best.anchor.count > self._limits.pixels * self._size[0] * self._size[1]:
+                continue
             trimmed = self._trimmed(best, points, gain)
             chosen.append(trimmed)
             seen = _unhidden(self._scene, trimmed, points, serves(trimmed, points, self._limits))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an image shows at some of its positions: points, and from where it sees them."""
+"""The points that an image shows at some of its positions, and the directions in which it sees them."""
 
 from __future__ import annotations
 

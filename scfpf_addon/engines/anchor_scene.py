@@ -18,13 +18,14 @@ from ..anchors.anchor import Anchor
 from ..bridge.blender.all_or_nothing import all_or_nothing
 from ..bridge.blender.rig_mark import PASSING_KEY
 from ..bridge.blender.versions import image_format_properties
+from ..cycles.layers.switched_passes import SwitchedPasses
 from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError
 
 CAMERA = "SCFPF Anchor"
 LOST = "The scene's copy was removed meanwhile: render again"
-# Settings of a scene that pictures do not follow, in the artist's words.
+# The settings that pictures do not follow, in the artist's words.
 LEFT_OUT = {
     "use_motion_blur": "motion blur",
     "use_freestyle": "Freestyle",
@@ -35,21 +36,6 @@ LEFT_OUT = {
 POINT = 0.01
 # An engine's camera shows nothing nearer than this.
 NEAREST = 1e-6
-# What an ordinary camera's own picture has as the scene says.
-OF_OWN_VIEW = (
-    "filter_size",
-    "pixel_aspect_x",
-    "pixel_aspect_y",
-    "resolution_percentage",
-    "resolution_x",
-    "resolution_y",
-    "use_motion_blur",
-)
-
-
-def has_cycles(scene) -> bool:
-    """Return whether a scene has settings of Cycles, which may be disabled."""
-    return hasattr(scene, "cycles")
 
 
 class AnchorScene:
@@ -84,19 +70,17 @@ class AnchorScene:
             render.engine = engine
         except TypeError as error:
             raise UserError("There is no render engine '{0}': choose another", engine) from error
-        self._own = {name: getattr(render, name) for name in OF_OWN_VIEW}
         self.left_out = [text for name, text in LEFT_OUT.items() if getattr(render, name)]
-        self._own_filter = (
-            (copy.cycles.pixel_filter_type, copy.cycles.filter_width) if has_cycles(copy) else ()
-        )
+        # Anchors are wide: passes besides their colours would fill the memory.
+        SwitchedPasses(layer)
+        layer.use_pass_position = False
+        # The names of passes in files end at dots.
+        layer.name = layer.name.replace(".", "_")
         render.use_multiview = render.use_sequencer = render.use_compositing = False
-        render.use_freestyle = render.use_file_extension = render.use_motion_blur = False
+        render.use_freestyle = render.use_file_extension = False
         render.use_border = False
         # In a window: edits between two renders would be seen in one of them only.
         render.use_lock_interface = True
-        render.filter_size = POINT
-        if has_cycles(copy):
-            copy.cycles.pixel_filter_type, copy.cycles.filter_width = "BLACKMAN_HARRIS", POINT
         copy.timeline_markers.clear()
         settings = render.image_settings
         for name in image_format_properties():
@@ -140,15 +124,14 @@ class AnchorScene:
         render = scene.render
         render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
         render.resolution_x, render.resolution_y = anchor.size
+        render.use_motion_blur = False
+        render.filter_size, scene.display.render_aa = POINT, "OFF"
+        if hasattr(scene, "cycles"):
+            scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", POINT
 
     def look_as(self, camera) -> None:
         """Let the next render be the ordinary one of a camera."""
-        scene = self._present()
-        scene.camera = camera
-        for name, value in self._own.items():
-            setattr(scene.render, name, value)
-        if self._own_filter:
-            scene.cycles.pixel_filter_type, scene.cycles.filter_width = self._own_filter
+        self._present().camera = camera
 
     def show_world_alone(self) -> None:
         """Leave all things out of further renders."""
@@ -163,6 +146,8 @@ class AnchorScene:
         """Remove the copy, its camera and its files."""
         scene, camera = self.scene, bpy.data.objects.get((self._camera, None))
         if scene is not None:
+            # Cycles frees the data that it has kept for further renders.
+            scene.render.use_persistent_data = False
             bpy.data.scenes.remove(scene)
         if camera is not None:
             bpy.data.cameras.remove(camera.data)

@@ -10,21 +10,26 @@ import numpy as np
 
 from ..anchors.anchor import Anchor
 from ..anchors.join import AnchorPicture, join, join_sky, traced_depth
-from ..anchors.plan import AnchorPlan, PlanLimits, plan_anchors, sky_anchors
+from ..anchors.plan import AnchorPlan, PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.shown_points import shown_points
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
+from ..bridge.scene.read_visibility import rendered_objects
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
+from ..cycles.engine_choice import engine_name
 from ..cycles.layers.exr_passes import Pass, read_passes
 from ..projection.user_error import Message, UserError
+from ..projection.volume.viewing_volume import Projection
 from ..shading.frame import render_frame
 from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
 
 COMBINED = "Combined"
+# The largest radiance that is taken from an engine's pixels.
+LARGEST = 1e6
 NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
 LAYERS = "Layers are not joined from renders by '{0}': render with SCFPF, or layers with Cycles"
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
@@ -77,6 +82,10 @@ class AnchoredRender:
         for anchor in self.plan.anchors:
             color = yield from self._rendered(anchor)
             pictures.append(AnchorPicture(anchor, color, traced_depth(shown, anchor)))
+        # Beyond the far surface an anchor may see things where the picture shows the sky.
+        if not settings.transparent and self.plan.is_one_eye:
+            sky = lacking_sky(shown, inputs.projection, size, axes, pictures)
+            self.total += len(sky)
         if sky:
             self._passing.show_world_alone()
         worlds = []
@@ -92,18 +101,20 @@ class AnchoredRender:
 
         def read(depsgraph):
             inputs = read_inputs(depsgraph, camera, size)
-            axes = np.array(camera.evaluated_get(depsgraph).matrix_world.to_3x3().normalized(), np.float64)
-            return inputs, axes
+            # Any rotation serves: one that shears or mirrors would not.
+            turn = camera.evaluated_get(depsgraph).matrix_world.to_quaternion().to_matrix()
+            return inputs, np.array(turn, np.float64)
 
         inputs, axes = with_render_depsgraph(scene, scene.view_layers[0], read)
         if inputs.projection.layers:
-            raise UserError(LAYERS, scene.render.engine)
+            raise UserError(LAYERS, engine_name(scene))
         return inputs, axes
 
     def _cautions(self, has_lens: bool) -> list[str]:
-        """What the picture does not show as the scene says."""
+        """Name what the picture does not show as the scene says."""
         scene = self._passing.scene
-        found = {FACELESS[o.type] for o in scene.objects if o.type in FACELESS and not o.hide_render}
+        shown = rendered_objects(scene.view_layers[0])
+        found = {FACELESS[obj.type] for obj in shown if obj.type in FACELESS and not obj.hide_render}
         left = [*self._passing.left_out, *(["depth of field"] if has_lens else [])]
         texts = [Message(LEFT_OUT, ", ".join(left))] if left else []
         return texts + ([Message(AS_IT_COMES, ", ".join(sorted(found)))] if found else [])
@@ -112,7 +123,9 @@ class AnchoredRender:
         """Render an anchor and return its colours (H, W, 4)."""
         self._passing.look_through(anchor)
         yield Message("{0} × {1}", *anchor.size)
-        return read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+        color = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+        # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
+        return np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
 
     def _joined(
         self,
@@ -160,8 +173,22 @@ class AnchoredRender:
 
         run_tiles(work, image_tiles(width, height), settings.threads, finished)
         if holes.any():
-            frame = render_frame(projection, inputs.scene, replace(settings, samples=1))
+            frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
             if frame is not None:
                 pixels[holes] = frame.pixels[holes]
             self.warnings.append(Message(HOLES, float(holes.mean()), len(pictures)))
         return pixels
+
+
+def lacking_sky(
+    scene: CastScene,
+    projection: Projection,
+    size: tuple[int, int],
+    axes: np.ndarray,
+    pictures: list[AnchorPicture],
+) -> list[Anchor]:
+    """Plan anchors of the world alone if pictures do not show all of the sky that a projection shows."""
+    points = sky_points(scene, projection, size)
+    if not len(points.number) or not join_sky(points, pictures).is_hole.any():
+        return []
+    return sky_anchors(scene, projection, size, axes, PlanLimits())

@@ -143,6 +143,8 @@ def _render(options) -> None:
         why = str(error).removeprefix("Error: ").split(" in file ")[0]
         raise UserError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
+    if options.engine and (options.style or options.pixel_error is not None):
+        raise UserError("--style and --pixel-error are for SCFPF's own engine, not for --engine")
     if options.cycles and options.engine:
         raise UserError("--cycles and --engine exclude each other")
     if options.frames and not (options.cycles or options.engine):

@@ -24,7 +24,7 @@ from .layered_render import LayeredRender
 from .passes_image import deliver_passes
 from .temporary_scene import TemporaryScene
 
-NOT_RENDERED = "Cycles has written no picture: look at the system console for its reason"
+NOT_RENDERED = "{0} has written no picture: look at the system console for its reason"
 LOST = "The scene or the camera was deleted meanwhile: render again"
 # Bad input raises one of these; other errors are bugs.
 
@@ -91,7 +91,7 @@ class LayersJob:
             except StopIteration:
                 self._deliver()
             except OSError as error:
-                raise UserError(NOT_RENDERED) from error
+                raise UserError(NOT_RENDERED, self.engine) from error
         return False
 
     def render(self, in_window: bool) -> None:

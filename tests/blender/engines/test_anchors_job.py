@@ -138,6 +138,47 @@ def test_the_picture_has_the_size_and_shape_that_the_scene_says(scene, jobs, add
     assert (render.resolution_percentage, render.pixel_aspect_x) == (50, 2.0)
 
 
+def test_samples_smooth_edges(scene, jobs):
+    """With one sample pixels are there or not; several lie at several places of a pixel."""
+    flexible(scene.camera, "inverted_perspective")
+    bpy.data.objects["Cube"].scale = (0.1, 0.1, 0.1)
+    scene.render.film_transparent = True
+    shares = []
+    for samples in (1, 16):
+        scene.camera.scfpf.samples = samples
+        jobs.render_anchors(bpy.context, scene.camera)
+        alpha = result()[..., 3]
+        shares.append(((alpha > 0.01) & (alpha < 0.99)).mean())
+    assert shares[0] == 0.0 and shares[1] > 0.01
+
+
+@pytest.mark.parametrize("preset", ["cylindrical_panorama", "inverted_perspective"])
+def test_the_sky_is_seen_before_what_lies_beyond_the_volume(scene, jobs, addon, preset):
+    """A wall behind the far surface is in no picture: there the world shows."""
+    flexible(scene.camera, preset)
+    scene.camera.scfpf.samples = 1
+    bpy.data.objects["Cube"].scale = (500, 500, 500)
+    scene.world.use_nodes = True
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs[0].default_value = (0.125, 0.25, 0.5, 1.0)
+    jobs.render_anchors(bpy.context, scene.camera)
+    image = result()
+    sky = np.abs(image[..., :3] - (0.125, 0.25, 0.5)).max(axis=2) < 1e-3
+    expected = np.isnan(places(addon, scene.camera)).any(axis=2)
+    assert expected.mean() > 0.2 and sky[expected].mean() > 0.999
+
+
+def test_dots_in_names_and_odd_passes(scene, jobs):
+    """The file of a render is read whatever the view layer is called, and whatever passes it has."""
+    flexible(scene.camera, "orthographic")
+    scene.camera.scfpf.samples = 1
+    layer = scene.view_layers[0]
+    layer.name, layer.use_pass_combined, layer.use_pass_z = "Hero.001", False, True
+    jobs.render_anchors(bpy.context, scene.camera)
+    assert result()[..., 3].mean() > 0.9
+    assert (layer.name, layer.use_pass_combined, layer.use_pass_z) == ("Hero.001", False, True)
+
+
 @pytest.mark.parametrize("engine", ["eevee", "workbench"])
 def test_other_engines_see_the_same_things(scene, jobs, addon, engine):
     """Through a parallel volume, one render: a small picture by Blender's other engines."""
