@@ -28,7 +28,7 @@ class Window(NamedTuple):
 
 
 class AnchorPlaces(NamedTuple):
-    """Where an anchor sees N points.
+    """The places of N points in an anchor's picture.
 
     across, up: (N,), in pixels from the lower left corner of its picture; the first pixel's centre is at 0.5.
     depth: (N,), distances along the axis.
@@ -72,7 +72,7 @@ class Anchor:
         return self.size[0] * self.size[1]
 
     def places(self, points: Array) -> AnchorPlaces:
-        """Where the anchor sees world points (3, N); those at or behind its eye have a depth of 0 or less."""
+        """Return the places of world points (3, N); points at or behind the eye have a depth of 0 or less."""
         turned = self.matrix[:3, :3].T
         across, up, back = transform(turned, points, -turned @ self.eye)
         depth = -back

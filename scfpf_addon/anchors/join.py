@@ -140,7 +140,10 @@ def join_sky(points: ShownPoints, pictures: Sequence[AnchorPicture]) -> Joined:
 
 
 def _penalties(points: ShownPoints, anchor: Anchor) -> Array:
-    """How badly an anchor sees points, as an angle in radians, (N,); inf for those that it cannot show."""
+    """Return the penalties (N,) by which an anchor is ranked for points, inf where it cannot show them.
+
+    A penalty is the angle between ray and projector in radians, and more where the anchor's pixels are large.
+    """
     places = anchor.places(points.position)
     ray = anchor.directions(points.position)
     off = np.arccos(np.clip(np.einsum("cn,cn->n", ray, points.direction), -1.0, 1.0))

@@ -59,7 +59,7 @@ MOST_SIDE = 8192
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """What anchors are asked to do.
+    """The limits that a plan of anchors keeps.
 
     angle: the largest one between an anchor's ray and the projector, radians. texels: an anchor's pixels
     along a side of the image's pixel. most: the number of anchors. pixels: those of all anchors, as a
@@ -138,7 +138,7 @@ def sky_anchors(
 
 
 def sky_points(scene: CastScene, projection: Projection, size: tuple[int, int]) -> ShownPoints:
-    """Those of the points looked at that are on no thing."""
+    """Return the points whose projectors meet no thing, of a grid over the image."""
     points = _looked_at(scene, [projection], size, COLUMNS)
     return points.take(np.flatnonzero(~points.is_hit))
 

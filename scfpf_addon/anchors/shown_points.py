@@ -40,7 +40,7 @@ class ShownPoints(NamedTuple):
         return found
 
     def take(self, which: IndexArray) -> ShownPoints:
-        """Those of ``which`` (n,)."""
+        """Return the points with the numbers ``which`` (n,)."""
         return ShownPoints._make(each.take(which, -1) for each in self)
 
 

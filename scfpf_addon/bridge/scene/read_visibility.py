@@ -85,7 +85,7 @@ class ObjectKey(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """What an object says of itself and of what it instances.
+    """The visibility of an object, and of the objects that it instances, in renders.
 
     rays: that meet it. added: HOLDOUT, CATCHER or 0. is_hidden: in renders. is_shown: whether renders show it
     where nothing instances it, and what it instances. is_held_out, is_indirect: by collections. leaves_out:

@@ -139,6 +139,7 @@ class LobeSampler:
         position = wave.hits.position[:, some]
 
         def aims_of(which: IndexArray, lobe: RoughLobe) -> Aims | None:
+            """Aims at bright things from the hits ``which`` (n,); None if nothing glows."""
             return self.glows and self.glows.aims(position.take(which, axis=1), lobe, samples.first.most)
 
         sent = _reflect(ahead, normal[:, some], flat[:, some], reflectance, place, aims_of)

@@ -197,3 +197,21 @@ def test_a_thread_that_cannot_start_is_a_line_and_a_code(run, blend, tmp_path, c
         with pytest.raises(RuntimeError, match="starts no more threads"):
             bpy.ops.scfpf.render()
     assert bpy.ops.scfpf.render() == {"FINISHED"}, "the next one is whole"
+
+
+def test_another_engine_is_joined_for_one_frame_and_several(run, blend, tmp_path, capsys):
+    output = tmp_path / "one.png"
+    assert run("render", blend, "-o", output, "--engine", "workbench") == 0
+    told = capsys.readouterr()
+    assert "32×18 by Workbench" in told.out
+    assert len(picture(output)) == 32 * 18 * 4 and np.ptp(picture(output)) > 0
+    assert run("render", blend, "-o", tmp_path / "f_##.png", "--engine", "workbench", "--frames", 1, 11) == 0
+    frames = [picture(tmp_path / f"f_{frame:02d}.png") for frame in (1, 11)]
+    assert np.abs(frames[0] - frames[1]).max() > 0.05
+
+
+@pytest.mark.parametrize("more", [("--cycles",), ("--style", "ink"), ("--pixel-error", 1)])
+def test_options_that_another_engine_does_not_have_are_refused(run, blend, tmp_path, capsys, more):
+    assert run("render", blend, "-o", tmp_path / "out.png", "--engine", "eevee", *more) == 1
+    assert "--engine" in capsys.readouterr().err
+    assert not (tmp_path / "out.png").exists()
