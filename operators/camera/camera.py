@@ -8,14 +8,14 @@ from bpy.props import EnumProperty
 from ...scfpf_addon.bridge.aim.kept_volume import camera_kept, volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.scene_box import SceneBox, scene_box
+from ..common.scene_box import SceneBox, SceneBoxes, scene_boxes
 from ..common.target import camera_of, poll_camera, poll_object_mode, poll_scene
 from ..common.tool import Action, select_only, show_in_local_view, tooltip_of, wholly_made
 from .camera_placement import camera_like_view, camera_seeing, fit_depth
 from .presets import preset_items, shipped_preset, use_preset
 
 # A new camera frames this in an empty scene: the size of Blender's default cube.
-EMPTY_SCENE = SceneBox(np.full(3, -1.0), np.full(3, 1.0))
+EMPTY_SCENE = SceneBoxes(*(SceneBox(np.full(3, -1.0), np.full(3, 1.0)),) * 2)
 
 _VIEW = ("VIEW", "From View", "The frustum of what the 3D viewport shows, as an editable volume")
 # Blender keeps only pointers to the strings of a dynamic enum.
@@ -49,11 +49,11 @@ class SCFPF_OT_camera_add(Action, bpy.types.Operator):
         scene = context.scene
         aspect = image_aspect(scene)
         preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
-        box = scene_box(context) or EMPTY_SCENE
+        boxes = scene_boxes(context) or EMPTY_SCENE
         with wholly_made(context):
-            data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
+            data, matrix = camera_like_view(context, aspect) or camera_seeing(boxes.things, aspect)
             camera = bpy.data.objects.new("Flexible Camera", data)
-            camera.matrix_world = fit_depth(data, matrix, box)
+            camera.matrix_world = fit_depth(data, matrix, boxes)
             # The active collection may be another file's.
             holder = context.collection if context.collection.is_editable else scene.collection
             holder.objects.link(camera)

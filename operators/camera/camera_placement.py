@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..common.scene_box import SceneBox, transformed
+from ..common.scene_box import SceneBox, SceneBoxes, transformed
 
 # Objects may come this much nearer to a new camera before the near surface clips them.
 NEAR_SHARE = 0.25
@@ -66,22 +66,23 @@ def camera_seeing(box: SceneBox, aspect: float):
     return data, Matrix.Translation(Vector(box.centre) + distance * DEFAULT_DIRECTION) @ rotation
 
 
-def fit_depth(data, matrix, box: SceneBox):
-    """Set the clip range so that near and far surface enclose the part of the box in front of the camera.
+def fit_depth(data, matrix, boxes: SceneBoxes):
+    """Set the clip range so that near and far surface enclose the part of the scene in front of the camera.
 
-    Inside the box, or looking away from it, the far surface is about as far off as the box is large. Returns
-    the world matrix, moved back for an orthographic camera inside the box.
+    Inside the scene, or looking away from it, the far surface is about as far off as the scene is large.
+    Returns the world matrix, moved back for an orthographic camera among the scene's things.
     """
-    depths = -transformed(matrix.inverted(), box.corners)[:, 2]
-    size = float(np.linalg.norm(box.size))
-    least = min(data.clip_start, LEAST_SHARE * max(float(depths.max()), size))
+    depths = -transformed(matrix.inverted(), boxes.things.corners)[:, 2]
+    least = min(
+        data.clip_start, LEAST_SHARE * max(float(depths.max()), float(np.linalg.norm(boxes.things.size)))
+    )
     if data.type == "ORTHO":
         # Parallel projectors see the same from any distance.
         back = max(0.0, NEAR_SHARE * float(np.ptp(depths)) + least - float(depths.min()))
         matrix = matrix @ Matrix.Translation((0.0, 0.0, back))
-        depths = depths + back
-    data.clip_start = max(least, NEAR_SHARE * float(depths.min()))
-    farthest = max(float(depths.max()), INSIDE_SHARE * size)
+    whole = -transformed(matrix.inverted(), boxes.whole.corners)[:, 2]
+    data.clip_start = max(least, NEAR_SHARE * float(whole.min()))
+    farthest = max(float(whole.max()), INSIDE_SHARE * float(np.linalg.norm(boxes.whole.size)))
     data.clip_end = max(FAR_MARGIN * farthest, data.clip_start / NEAR_SHARE)
     return matrix
 
@@ -125,3 +126,20 @@ def reaching_scale(volume, matrix, box: SceneBox) -> float:
     eye = np.array(matrix.translation, np.float64)
     is_inside = bool(((box.low <= eye) & (eye <= box.high)).all())
     return min(wanted if is_inside else max(wanted, across), 1.0)
+
+
+def reaching_depth(volume, matrix, scale: float, box: SceneBox) -> float:
+    """The factor, at least 1, by which a preset's projectors grow so that they end behind the box.
+
+    volume: in camera space, before ``scale``. It is 1 for a volume without a ``similarity_of_ends``, whose
+    projectors would bend or turn.
+    """
+    ends = volume.similarity_of_ends()
+    if ends is None or not 0.0 <= ends[0] <= 1.0:
+        return 1.0
+    line = np.linspace(0.0, 1.0, 3)
+    u, v = (grid.ravel() for grid in np.meshgrid(line, line))
+    near, far = (surface.evaluate(u, v).position for surface in volume.surfaces)
+    length = float(np.linalg.norm(far - near, axis=0).min()) * scale
+    farthest = float(np.linalg.norm(transformed(matrix.inverted_safe(), box.corners), axis=1).max())
+    return max(1.0, FAR_MARGIN * farthest / length) if length > 0 else 1.0

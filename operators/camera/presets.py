@@ -11,11 +11,11 @@ from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
-from ..common.scene_box import scene_box
+from ..common.scene_box import scene_boxes
 from ..common.target import camera_of, poll_camera
 from ..common.tool import Action, tooltip_of
 from ..common.words import report_text
-from .camera_placement import around_subject, reaching_scale
+from .camera_placement import around_subject, reaching_depth, reaching_scale
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
 Item = tuple[str, str, str]
@@ -65,13 +65,17 @@ def use_preset(context, camera, preset, fit: bool) -> None:
     fit: scale the volume, or place the camera, so that the preset holds the selection or the scene.
     """
     aspect = image_aspect(context.scene)
-    box = (scene_box(context, selected_only=True) or scene_box(context)) if fit else None
-    scale = 1.0
-    if box is not None and preset.subject is not None:
-        camera.matrix_world, scale = around_subject(preset.subject, box)
-    elif box is not None:
-        scale = reaching_scale(preset.fitted(aspect).volume(), camera.matrix_world, box)
-    apply_preset(camera, preset, aspect, scale)
+    boxes = scene_boxes(context) if fit else None
+    scale = depth = 1.0
+    if boxes is not None:
+        things = (scene_boxes(context, selected_only=True) or boxes).things
+        if preset.subject is not None:
+            camera.matrix_world, scale = around_subject(preset.subject, things)
+        else:
+            volume = preset.fitted(aspect).volume()
+            scale = reaching_scale(volume, camera.matrix_world, things)
+            depth = reaching_depth(volume, camera.matrix_world, scale, boxes.whole)
+    apply_preset(camera, preset, aspect, scale, depth)
 
 
 class PresetOperator(Action):

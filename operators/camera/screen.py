@@ -8,7 +8,7 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_
 from ...scfpf_addon.bridge.camera.screen_camera import look_at, screen_points, volume_from_screen
 from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.scene_box import scene_box
+from ..common.scene_box import scene_boxes
 from ..common.target import active_object, poll_object_mode, poll_scene, selected_objects
 from ..common.tool import Action, select_only, show_in_local_view, wholly_made
 from ..common.words import report_text
@@ -37,7 +37,7 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
         points = screen_points(screen, depsgraph)
         eye = next((o for o in selected_objects(context) if o != screen and o.type != "MESH"), None)
         place = scene.cursor.location if eye is None else eye.matrix_world.translation
-        box = scene_box(context)
+        boxes = scene_boxes(context)
         with wholly_made(context):
             data = bpy.data.cameras.new(f"{screen.name} Camera")
             camera = bpy.data.objects.new(data.name, data)
@@ -48,7 +48,7 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
             holder = context.collection if context.collection.is_editable else scene.collection
             holder.objects.link(camera)
             context.view_layer.update()
-            volume_from_screen(camera, screen, points, box.corners if box else points.T)
+            volume_from_screen(camera, screen, points, boxes.whole.corners if boxes else points.T)
             projection = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(scene))
             approximate_lens(camera, projection.transformed(world_to_camera(camera)))
             select_only(context, camera)

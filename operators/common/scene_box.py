@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bounding box of what a scene shows, which cameras and volumes are fitted to."""
+"""The bounding boxes of what a scene shows, which cameras and volumes are fitted to."""
 
 from typing import NamedTuple
 
 import numpy as np
-from mathutils import Matrix
 
-from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
+from ...scfpf_addon.bridge.scene.instances import NO_THINGS, instances, is_finite
+from ...scfpf_addon.bridge.scene.read_visibility import ShownInRenders
 
-SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+# A flat object, such as a ground, and any other, such as a dome, that are this many times as large as the
+# rest of a scene together are its background. A box is flat whose least side is this share of its longest.
+GROUND, DOME = 10.0, 100.0
+FLAT = 0.1
 
 
 class SceneBox(NamedTuple):
@@ -31,6 +34,13 @@ class SceneBox(NamedTuple):
         return np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * self.size + self.low
 
 
+class SceneBoxes(NamedTuple):
+    """The box of all that a scene shows, and the box without the background that surrounds the rest."""
+
+    whole: SceneBox
+    things: SceneBox
+
+
 def box_of(corners) -> SceneBox:
     """The box around points (N, 3)."""
     return SceneBox(np.min(corners, axis=0), np.max(corners, axis=0))
@@ -47,23 +57,51 @@ def corners_of(obj, matrix):
     return transformed(matrix, np.array(obj.bound_box, np.float64))
 
 
-def _shapes(objects, left_out):
-    return [o for o in objects if o.type in SHAPES and not o.hide_render and o.name_full not in left_out]
+def is_thing(obj) -> bool:
+    """Return whether an object, or what it instances, may have a size in a picture."""
+    return obj.type not in NO_THINGS or (obj.type == "EMPTY" and obj.instance_type == "COLLECTION")
 
 
-def scene_box(context, selected_only=False) -> SceneBox | None:
-    """The box around everything that the scene, or its selection, can show in an image; None if empty."""
+def scene_boxes(context, selected_only=False) -> SceneBoxes | None:
+    """The boxes around what the scene, or its selection, shows in an image; None if that is nothing."""
     depsgraph = context.evaluated_depsgraph_get()
-    left_out = control_objects()
     corners = []
-    for obj in context.view_layer.objects:
-        if not obj.visible_get() or obj.hide_render or (selected_only and not obj.select_get()):
+    for instance in instances(depsgraph, renders=ShownInRenders(depsgraph)):
+        if instance.obj.type in NO_THINGS or (selected_only and not instance.owner.select_get()):
             continue
-        if obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
-            origin = Matrix.Translation(-obj.instance_collection.instance_offset)
-            for part in _shapes(obj.instance_collection.all_objects, left_out):
-                corners.append(corners_of(part, obj.matrix_world @ origin @ part.matrix_world))
-        elif obj.type in SHAPES and obj.name_full not in left_out:
-            corners.append(corners_of(obj.evaluated_get(depsgraph), obj.matrix_world))
-    finite = [c for c in corners if np.isfinite(c).all()]
-    return box_of(np.concatenate(finite)) if finite else None
+        matrix = instance.matrix
+        if is_finite(matrix):
+            corners.append(corners_of(instance.obj, matrix))
+    if not corners:
+        return None
+    box = np.array(corners)
+    low, high = box.min(axis=1), box.max(axis=1)
+    things = ~_is_background(low, high)
+    return SceneBoxes(
+        SceneBox(low.min(axis=0), high.max(axis=0)),
+        SceneBox(low[things].min(axis=0), high[things].max(axis=0)),
+    )
+
+
+def _is_background(low, high):
+    """Return which of N boxes are background, (N,). low, high: corners, (N, 3)."""
+    size = np.linalg.norm(high - low, axis=1)
+    order = np.argsort(-size, kind="stable")[: np.count_nonzero(size)]
+    background = np.zeros(len(size), bool)
+    if len(order) < 2:
+        return background
+    low, high, size = low[order], high[order], size[order]
+    # The diagonal of the box around all that are smaller.
+    rest = np.linalg.norm(
+        np.maximum.accumulate(high[::-1])[::-1][1:] - np.minimum.accumulate(low[::-1])[::-1][1:], axis=1
+    )
+    side = high - low
+    is_flat = (side.min(axis=1) <= FLAT * side.max(axis=1))[:-1]
+    surrounds = size[:-1] > np.where(is_flat, GROUND, DOME) * rest
+    if surrounds.any():
+        # Under a dome there may be a ground: a flat object that is much larger than the rest, too.
+        last = int(np.argmax(surrounds))
+        while last + 1 < len(surrounds) and surrounds[last + 1] and is_flat[last + 1]:
+            last += 1
+        background[order[: last + 1]] = True
+    return background

@@ -9,7 +9,7 @@ from ...scfpf_addon.bridge.camera.surface_mirror import mirror_surfaces
 from ...scfpf_addon.bridge.camera.volume_fit import fit_to_image, fit_volume
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.user_error import UserError
-from ..common.scene_box import SHAPES, scene_box
+from ..common.scene_box import is_thing, scene_boxes
 from ..common.target import (
     active_object,
     active_slot,
@@ -178,19 +178,17 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
     def poll(cls, context):
         if not poll_volume(cls, context):
             return False
-        if not any(
-            obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in selected_objects(context)
-        ):
+        if not any(is_thing(obj) and obj.scfpf_surface.kind == "NONE" for obj in selected_objects(context)):
             cls.poll_message_set("Select the objects to fit the volume around")
             return False
         return True
 
     def edit(self, context, camera):
-        box = scene_box(context, selected_only=True)
-        if box is None:
+        boxes = scene_boxes(context, selected_only=True)
+        if boxes is None:
             raise UserError("The selected objects are disabled in renders: select others")
         aspect = image_aspect(context.scene)
-        fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
+        fit_volume(camera, context.evaluated_depsgraph_get(), aspect, boxes.whole.corners)
 
 
 class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import bpy
@@ -251,20 +252,33 @@ def flexibility_edited(camera) -> None:
         size_frame(camera)
 
 
-def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
+def apply_preset(camera, preset, aspect: float, scale: float = 1.0, depth: float = 1.0) -> None:
     """Replace the camera's volume by that of a preset, made of ordinary editable objects.
 
     preset: projection.presets.preset.Preset. aspect: width / height of the image. scale: multiplies every
-    length. Surfaces that are not the camera's children, or are on another camera's list, are only removed
-    from the list. Sets the ordinary lens and clip range as well. Raises UserError, PresetError or
-    UserError.
+    length. depth: multiplies the length of the projectors of a volume that has a ``similarity_of_ends``.
+    Surfaces that are not the camera's children, or are on another camera's list, are only removed from the
+    list. Sets the ordinary lens and clip range as well. Raises UserError or PresetError.
     """
     _require_camera(camera)
     if not (math.isfinite(scale) and scale > 0):
         raise UserError("A preset's scale must be a number above 0, not {0}", scale)
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     fitted = preset.fitted(aspect)
-    replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
+    surfaces = [_scaled(surface, scale) for surface in fitted.surfaces]
+    projection = fitted.projection(aspect).transformed(np.diag([scale, scale, scale, 1.0]))
+    ends = fitted.volume().similarity_of_ends() if depth != 1.0 else None
+    if ends is not None:
+        k, offset = ends
+        larger = k + depth * (1 - k)
+        grown = np.diag([larger, larger, larger, 1.0])
+        grown[:3, 3] = (1 - depth) * scale * offset
+        surfaces[-1] = _scaled(fitted.surfaces[-1], scale * larger)
+        surfaces[-1].matrix[:3, 3] += grown[:3, 3]
+        near, far = projection.volume.surfaces
+        deeper = replace(projection.volume, surfaces=(near, far.transformed(grown)))
+        projection = replace(projection, volume=deeper)
+    replace_surfaces(camera, surfaces)
     settings = camera.scfpf
     for slot, surface in zip(settings.surfaces, fitted.surfaces, strict=True):
         slot.weight = surface.weight
@@ -275,8 +289,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     settings.v_range = fitted.v_range
     settings.fit, settings.fitted_aspect = fitted.fit, aspect
     make_flexible(camera)
-    sizes = np.diag([scale, scale, scale, 1.0])
-    approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
+    approximate_lens(camera, projection)
 
 
 def _scaled(surface, scale: float) -> NewSurface:

@@ -18,6 +18,10 @@ from .reparameterisation import ImageMap, Reparameterisation, Unrolled
 # the middle of the layer's things, or by the order of the list.
 LayerFront: TypeAlias = Literal["DEPTH", "ANCHOR", "ORDER"]
 
+# Two surfaces are compared at this many values of u and of v. They are similar if no point is farther off
+# than this share of the volume's size: rounding only.
+SIMILARITY_SAMPLES, SIMILARITY_TOLERANCE = 9, 1e-9
+
 
 class ControlSample(NamedTuple):
     """Control points of N projectors, with their derivatives by u and v.
@@ -112,6 +116,28 @@ class ViewingVolume:
     def transformed(self, matrix: Array) -> ViewingVolume:
         """The volume with an affine (4, 4) matrix applied to every surface."""
         return replace(self, surfaces=tuple(s.transformed(matrix) for s in self.surfaces))
+
+    def similarity_of_ends(self) -> tuple[float, Array] | None:
+        """Return k and c, (3,), such that the first surface is k times the last one plus c, or None.
+
+        There are such numbers for a volume of two surfaces whose projectors meet in one point, or are
+        parallel (k = 1). Then Q0 + s (Q1 - Q0) is for each s the last surface, k + s (1 - k) times as large
+        and moved by (1 - s) c.
+        """
+        if len(self.surfaces) != 2:
+            return None
+        line = np.linspace(0.0, 1.0, SIMILARITY_SAMPLES)
+        u, v = (axis.ravel() for axis in np.meshgrid(line, line))
+        first, last = (surface.evaluate(u, v).position for surface in self.surfaces)
+        middle = last.mean(axis=1, keepdims=True)
+        spread = float(np.vdot(last - middle, last - middle))
+        if not spread > 0:
+            return None
+        k = float(np.vdot(first, last - middle)) / spread
+        offset = first - k * last
+        c: Array = offset.mean(axis=1)
+        size = max(float(np.abs(first).max()), float(np.abs(last).max()))
+        return (k, c) if np.abs(offset - c[:, None]).max() <= SIMILARITY_TOLERANCE * size else None
 
 
 def determinant(sample: VolumeSample) -> Array:
