@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import product
 from typing import NamedTuple
@@ -15,8 +16,10 @@ from ...bridge.scene.mesh_arrays import corner_vertices, foreach, triangle_corne
 from ...projection.typing import Array, IndexArray
 from ..seen_data import links, materials_of
 
-# Triangles of all instances together; the instances beyond count as boxes.
-MOST_TRIANGLES = 8_000_000
+# Triangles of all instances together. Beyond the first number small instances count as boxes, those whose
+# boxes are at most this share of the volume; beyond the second number all others do.
+MANY_TRIANGLES, MOST_TRIANGLES = 2_000_000, 8_000_000
+SMALL = 1 / 64
 # Voxels by which smoke may reach beyond the box of its grid.
 VOXELS = 2.0
 # Corners of the unit box.
@@ -41,37 +44,39 @@ class Bodies:
     """Bodies in world space, gathered from depsgraphs."""
 
     def __init__(self) -> None:
-        self._triangles: list[Array] = []
+        self._parts: list[tuple[Part, Array]] = []
         self._boxes: list[Array] = []
-        self._count = 0
 
     def read(self, depsgraph, wanted: Callable[[Instance], bool] | None = None) -> None:
         """Add what a render depsgraph's view layer shows. wanted: None for all. Raises Unbounded."""
         for _, matrix, parts in seen_parts(depsgraph, wanted):
-            for part in parts:
-                self._add(part, matrix)
+            self._parts += [(part, matrix) for part in parts]
 
     def add_boxes(self, boxes: Array) -> None:
         """Add boxes in world space by their corners (8, 3, M)."""
         self._boxes.append(boxes)
 
-    def points(self) -> list[Array]:
-        """Triangles (3, 3, M) and boxes (8, 3, M): points, coordinates, bodies."""
-        triangles = np.concatenate(self._triangles, axis=2) if self._triangles else np.empty((3, 3, 0))
-        boxes = np.concatenate(self._boxes, axis=2) if self._boxes else np.empty((8, 3, 0))
-        return [triangles, boxes]
+    def points(self, size: float = math.inf) -> list[Array]:
+        """Triangles (3, 3, M) and boxes (8, 3, M): points, coordinates, bodies.
 
-    def _add(self, part: Part, matrix: Array) -> None:
-        points, triangles = part
-        if triangles is not None:
-            self._count += len(triangles)
-            if self._count > MOST_TRIANGLES:
-                points, triangles = corners_of(points), None
-        placed = placed_points(points, matrix)
-        if triangles is None:
-            self._boxes.append(placed[:, :, None])
-        else:
-            self._triangles.append(placed[triangles].transpose(1, 2, 0))
+        size: of the volume. It decides which instances are small.
+        """
+        total = sum(len(part.triangles) for part, _ in self._parts if part.triangles is not None)
+        triangles, boxes, count = [np.empty((3, 3, 0))], [np.empty((8, 3, 0)), *self._boxes], 0
+        for part, matrix in self._parts:
+            own = part.triangles
+            if own is not None and total > MANY_TRIANGLES:
+                corners = corners_of(part.points)
+                is_small = np.ptp(placed_points(corners, matrix), axis=0).max() <= SMALL * size
+                if is_small or count + len(own) > MOST_TRIANGLES:
+                    part, own = Part(corners, None), None
+            placed = placed_points(part.points, matrix)
+            if own is None:
+                boxes.append(placed[:, :, None])
+            else:
+                count += len(own)
+                triangles.append(placed[own].transpose(1, 2, 0))
+        return [np.concatenate(triangles, axis=2), np.concatenate(boxes, axis=2)]
 
 
 def seen_parts(depsgraph, wanted: Callable[[Instance], bool] | None = None) -> Iterator[tuple]:

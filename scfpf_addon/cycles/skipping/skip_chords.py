@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import bpy
+import numpy as np
 
 from ...bridge.render.image_size import image_size
 from ...bridge.scene.instances import Instance
@@ -175,7 +176,9 @@ class _ChordSearch:
                 go_to(share)
                 swept.read(depsgraph, share)
             swept.add_to(bodies)
-        occupied = occupied_chords(self._ends, bodies.points())
+        finite = np.isfinite(self._ends).all(axis=(0, 1))
+        size = float(np.ptp(self._ends[:, :, finite], axis=(0, 2)).max()) if finite.any() else 0.0
+        occupied = occupied_chords(self._ends, bodies.points(size))
         self._occupied = occupied if self._occupied is None else self._occupied | occupied
 
     def _is_mover(self, instance: Instance) -> bool:

@@ -236,6 +236,34 @@ def test_a_grid_of_smoke_counts_as_its_box(addon):
     assert (boxes.min(axis=(0, 2)) <= low).all() and (boxes.max(axis=(0, 2)) >= high).all()
 
 
+def test_small_instances_of_many_triangles_count_as_boxes_that_hold_them(addon, monkeypatch):
+    bent(addon)
+    turned = ball()
+    turned.scale, turned.rotation_euler = (0.1, 0.2, 0.3), (0.5, 1.0, 1.5)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=5.0)
+    bpy.context.view_layer.update()
+    bodies = addon("cycles.skipping.bodies").Bodies()
+    depsgraphs = addon("bridge.scene.render_depsgraph")
+    depsgraphs.with_render_depsgraph(bpy.context.scene, bpy.context.view_layer, bodies.read)
+    all_triangles, boxes = bodies.points(100.0)
+    assert boxes.shape[2] == 0
+    monkeypatch.setattr(addon("cycles.skipping.bodies"), "MANY_TRIANGLES", 100)
+    triangles, boxes = bodies.points(100.0)
+    assert boxes.shape[2] == 1
+    large = len(bpy.context.object.data.loop_triangles)
+    assert triangles.shape[2] == large
+    # In the ball's own space the box is upright, and just holds each vertex.
+    into = np.array(turned.matrix_world.inverted(), np.float64)
+    corners = into[:3, :3] @ boxes[:, :, 0].T + into[:3, 3:]
+    own = np.array([vertex.co for vertex in turned.data.vertices]).T
+    assert np.allclose(corners.min(axis=1), own.min(axis=1), atol=1e-5)
+    assert np.allclose(corners.max(axis=1), own.max(axis=1), atol=1e-5)
+    assert all_triangles.shape[2] == large + len(turned.data.loop_triangles)
+    # Beyond the second number everything is a box.
+    monkeypatch.setattr(addon("cycles.skipping.bodies"), "MOST_TRIANGLES", 200)
+    assert [some.shape[2] for some in bodies.points(100.0)] == [0, 2]
+
+
 @pytest.mark.parametrize("kind", ["displacement", "velocity"])
 def test_what_has_no_bounds_is_named(addon, kind):
     camera = bent(addon)
