@@ -1,212 +1,207 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colours of points that an image shows, looked up in the pictures of its anchors.
 
-Of the four pixels around a point's place those count that show the same surface there. Anchors are weighted
-by the angle to the projector and by their pixels' size. Weights fall to 0 at the borders of windows and at
-the first anchor that is left out, as in Buehler et al. 2001, Unstructured Lumigraph Rendering.
+Of the four pixels around a point's place those count that show the same surface there, which their traced
+depths tell. Anchors are weighted by the angle to the projector and by their pixels' size. Weights fall to 0
+at the borders of windows and at the first anchor that is left out, as in Buehler et al. 2001, Unstructured
+Lumigraph Rendering.
+
+Where to look depends on depths alone, so one ``TexelShares`` serves all passes of the pictures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..casting.common.cancellation import raise_if_cancelled
-from ..casting.scene.cast_scene import CastScene
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import BoolArray, IndexArray
 from ..shading.typing import Single
-from .anchor import Anchor, AnchorPlaces
+from .anchor_view import AnchorView, placed
+from .ranks import MOST_ANCHORS, NO_RANK, Ranks, penalties_of, ranked
 from .shown_points import ShownPoints
+from .texels import FOUR, LEAST_SHARE, Texels, fade_of, texels
 
-# Anchors that share in a point's colour, at most.
+# Anchors that share in a point's colour, at most. One more is looked for: the weights fall to 0 at it.
 SHARERS = 3
-# Weights fall to 0 within this share of the window's shorter side from its border.
-BORDER = 0.06
-# A pixel of an anchor shows a point's surface if it is within so many of its sides from the point's plane, or
-# within this share of the distance, for positions are rounded.
-OFF_PLANE, ROUNDED = 0.35, 1e-5
-# And not farther from the point than so many of its sides, seen at the surface's slope.
-APART, STEEPEST = 2.5, 0.05
-# Where no pixel does, those count that are so near to the point that they may show a neighbouring surface.
-BESIDE = 1.5
-# An anchor whose pixels are as large as the image's counts as much worse as one whose ray is so far off.
-COARSE_ANGLE = float(np.radians(10.0))
-# The least cosine between an anchor's ray and a normal.
-LEAST_COSINE = 0.02
-# Rows of an anchor's picture whose depths are traced at once.
-ROWS = 256
+PLACES = SHARERS + 1
+# Anchors at one eye differ by rounding only: weights fall to 0 at this angle at the least, radians.
+LEAST_BOUND = 1e-3
+# The least weight of the best anchor, which may have no other to fade to.
+LEAST_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True)
-class AnchorPicture:
-    """The picture of an anchor. color: (H, W, C) float32, row 0 at the bottom. depth: (H, W) float32, the
-    distances along its axis of what the caster meets there, inf for nothing."""
+class TexelShares:
+    """The pixels of anchors that show points (N,), and the shares of their colours.
 
-    anchor: Anchor
-    color: Single
-    depth: Single
-
-
-def traced_depth(scene: CastScene, anchor: Anchor) -> Single:
-    """The distances along an anchor's axis of the first hits of its pixels' centres, (H, W), inf for none."""
-    width, height = anchor.size
-    found = np.full((height, width), np.inf, np.float32)
-    reach = np.float32(anchor.end - anchor.start)
-    for first in range(0, height, ROWS):
-        raise_if_cancelled()
-        rows = np.arange(first, min(first + ROWS, height))
-        column, row = np.tile(np.arange(width), len(rows)), np.repeat(rows, width)
-        begin, way = anchor.rays(column, row)
-        origin = ((begin - scene.centre[:, None]) * scene.scale).astype(np.float32)
-        limits = np.full(len(column), reach, np.float32)
-        distance = scene.mesh.trace_distance(origin, (way * scene.scale).astype(np.float32), limits)
-        depth = np.where(distance < reach, distance + np.float32(anchor.start), np.float32(np.inf))
-        found[rows] = depth.reshape(len(rows), width)
-    return found
-
-
-@dataclass(frozen=True)
-class Joined:
-    """The colours (N, C) of points, and which of them no anchor shows, (N,)."""
-
-    color: Single
-    is_hole: BoolArray
-
-
-def join(points: ShownPoints, pictures: Sequence[AnchorPicture], angle: float) -> Joined:
-    """Look up the colours of points (N,), all of them on things.
-
-    pictures: of one number of channels C. angle: radians, from which on an anchor counts least.
+    number: (PLACES, N) int16, the anchors of a point, -1 for none. first: (PLACES, N) int32, the flat index
+    of the lower left one of the four pixels around its place. shares: (PLACES, 4, N) float32, those of the
+    pixels in the order of FOUR; all of a point's have the sum 1.
     """
-    count = len(points.number)
-    channels = pictures[0].color.shape[2] if pictures else 4
-    total, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
-    penalty = np.stack([_penalties(points, picture.anchor) for picture in pictures]) if pictures else None
-    left = np.arange(count)
-    # Where the best anchors turn out to show something else, the next ones are asked.
-    for first in range(0, len(pictures), SHARERS):
-        if not len(left) or penalty is None:
-            break
+
+    number: NDArray[np.int16]
+    first: NDArray[np.int32]
+    shares: Single
+
+    @property
+    def is_hole(self) -> BoolArray:
+        """Return whether no anchor shows each point, (N,)."""
+        hole: BoolArray = self.number[0] < 0
+        return hole
+
+    def used(self, count: int) -> BoolArray:
+        """Return which of so many anchors have a share in any point, (count,)."""
+        found = np.zeros(count + 1, bool)
+        has_share = self.shares.any(axis=1)
+        found[self.number[has_share]] = True
+        return found[:count]
+
+    def colors(self, pictures: Sequence[Single]) -> Single:
+        """The colours (N, C) of the points in the pictures (H, W, C) of the anchors, 0 in holes."""
+        channels = pictures[0].shape[2] if pictures else 4
+        total = np.zeros((self.number.shape[1], channels), np.float32)
+        for place in range(SHARERS):
+            for number, which in _grouped(self.number[place]):
+                picture, shares = pictures[number], self.shares[place].take(which, 1)
+                flat, first = picture.reshape(-1, channels), self.first[place].take(which)
+                color = np.zeros((len(which), channels), np.float32)
+                for (across, up), share in zip(FOUR, shares, strict=True):
+                    color += flat.take(first + (across + up * picture.shape[1]), 0) * share[:, None]
+                total[which] += color
+        return total
+
+
+def find_texels(points: ShownPoints, views: Sequence[AnchorView], angle: float) -> TexelShares:
+    """Find the pixels of anchors that show points (N,), all of them on things.
+
+    views: at most MOST_ANCHORS. angle: radians, from which on an anchor counts least.
+    """
+    assert len(views) <= MOST_ANCHORS
+    search = _Search(points, views)
+    left, after = np.arange(len(points.number)), np.zeros(len(points.number), np.uint32)
+    while len(left) and views:
         raise_if_cancelled()
-        own = penalty[:, left]
-        order = np.argsort(own, axis=0, kind="stable")
-        ranked = np.take_along_axis(own, order, axis=0)
-        last = first + SHARERS
-        bound = ranked[last] if last < len(pictures) else np.full(len(left), np.inf)
-        bound = np.minimum(bound, np.maximum(2.0 * ranked[first], angle))
-        for number, picture in enumerate(pictures):
-            asked = np.isfinite(own[number]) & ((order[first:last] == number).any(axis=0))
-            which = np.flatnonzero(asked)
-            if not len(which):
-                continue
-            # One anchor alone has no other to fade to.
-            share = np.maximum(1.0 - own[number, which] / np.maximum(bound[which], 1e-9), 1e-3)
-            color, found = _looked_up(points.take(left[which]), picture)
-            share = np.where(found, share * _fade(points.take(left[which]), picture.anchor), 0.0)
-            total[left[which]] += (color * share[:, None]).astype(np.float32)
-            weight[left[which]] += share.astype(np.float32)
-        left = left[weight[left] <= 0.0]
-    is_hole = weight <= 0.0
-    total /= np.where(is_hole, np.float32(1.0), weight)[:, None]
-    return Joined(total, is_hole)
+        own = points if len(left) == len(points.number) else points.take(left)
+        ranks = ranked(own, views, after, PLACES)
+        for rank in ranks:
+            is_open = search.is_open(left, rank, angle)
+            search.ask(left[is_open], rank[is_open], beside=False)
+        after = ranks[-1]
+        goes_on = search.is_open(left, after, angle)
+        left, after = left[goes_on], after[goes_on]
+    left = np.flatnonzero(search.taken == 0)
+    if len(left) and views:
+        for rank in ranked(points.take(left), views, np.zeros(len(left), np.uint32), PLACES):
+            is_asked = (rank != NO_RANK) & (search.taken[left] == 0)
+            search.ask(left[is_asked], rank[is_asked], beside=True)
+    return search.weighed(angle)
 
 
-def join_sky(points: ShownPoints, pictures: Sequence[AnchorPicture]) -> Joined:
-    """Look up the colours of points (N,) that are on no thing, by their direction alone."""
+class _Search:
+    """The anchors that were found to show points (N,), best first. taken: (N,), how many."""
+
+    def __init__(self, points: ShownPoints, views: Sequence[AnchorView]) -> None:
+        count = len(points.number)
+        self._points, self._views = points, views
+        self._found = TexelShares(
+            np.full((PLACES, count), -1, np.int16),
+            np.zeros((PLACES, count), np.int32),
+            np.zeros((PLACES, 4, count), np.float32),
+        )
+        self._penalty = np.full((PLACES, count), np.inf, np.float32)
+        self.taken = np.zeros(count, np.intp)
+
+    def ask(self, which: IndexArray, ranks: Ranks, beside: bool) -> None:
+        """Ask the anchors of ranks (n,) for points ``which`` (n,). beside: as for ``texels``."""
+        numbers = (ranks & np.uint32(MOST_ANCHORS)).astype(np.int16)
+        penalties = penalties_of(ranks)
+        for number, group in _grouped(numbers):
+            at = which[group]
+            seen = texels(self._points, at, self._views[number], beside)
+            shows = np.flatnonzero(seen.shares.any(axis=0))
+            self._take(at[shows], number, seen, shows, penalties[group[shows]])
+
+    def _take(self, at: IndexArray, number: int, seen: Texels, shows: IndexArray, penalties: Single) -> None:
+        """Note that an anchor shows points ``at`` (n,)."""
+        place = self.taken[at]
+        self._found.number[place, at] = number
+        self._found.first[place, at] = seen.first[shows]
+        shares = seen.shares.take(shows, 1) * seen.fade[shows]
+        for k in range(4):
+            self._found.shares[place, k, at] = shares[k]
+        self._penalty[place, at] = penalties
+        self.taken[at] += 1
+
+    def is_open(self, which: IndexArray, ranks: Ranks, angle: float) -> BoolArray:
+        """Return whether anchors of ranks (n,), or after them, may have a weight for points (n,)."""
+        # Infinite as long as none is found, and NO_RANK is not below.
+        bound = np.maximum(2.0 * self._penalty[0, which], np.float32(angle))
+        still: BoolArray = (self.taken[which] < PLACES) & (penalties_of(ranks) < bound)
+        return still
+
+    def _bound(self, angle: float) -> Single:
+        """The penalties at which weights are 0, (N,)."""
+        bound = np.minimum(
+            self._penalty[SHARERS], np.maximum(np.float32(2.0) * self._penalty[0], np.float32(angle))
+        )
+        least: Single = np.maximum(bound, np.float32(LEAST_BOUND))
+        return least
+
+    def weighed(self, angle: float) -> TexelShares:
+        """The pixels found, with the weights of their anchors."""
+        found = self._found
+        with np.errstate(invalid="ignore"):
+            weight = np.maximum(1.0 - self._penalty / self._bound(angle), np.float32(0.0))
+        weight[0] = np.maximum(weight[0], np.float32(LEAST_WEIGHT))
+        weight[found.number < 0] = 0.0
+        weight[SHARERS] = 0.0
+        strength = np.array([view.strength for view in self._views] + [0.0], np.float32)
+        shares = found.shares
+        shares *= (weight * strength[found.number])[:, None]
+        total = shares.sum(axis=(0, 1))
+        shares /= np.where(total > 0.0, total, np.float32(1.0))
+        return found
+
+
+def _grouped(number: NDArray[np.int16]) -> Iterator[tuple[int, IndexArray]]:
+    """The numbers (N,) that are 0 or more, each with where it is, (n,)."""
+    order = np.argsort(number, kind="stable")
+    ordered = number[order]
+    begin = int(np.searchsorted(ordered, 0))
+    ends = [*(np.flatnonzero(np.diff(ordered[begin:])) + begin + 1).tolist(), len(ordered)]
+    for end in ends:
+        if end > begin:
+            yield int(ordered[begin]), order[begin:end]
+        begin = end
+
+
+def join_sky(
+    points: ShownPoints, views: Sequence[AnchorView], pictures: Sequence[Single]
+) -> tuple[Single, BoolArray]:
+    """The colours (N, C) of points that are on no thing, by direction alone, and which have none, (N,)."""
     count = len(points.number)
-    total, weight = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
-    for picture in pictures:
-        anchor = picture.anchor
+    channels = pictures[0].shape[2] if pictures else 4
+    total, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
+    for view, picture in zip(views, pictures, strict=True):
+        anchor = view.anchor
         if anchor.is_parallel:
             continue
         far = anchor.eye[:, None] + points.direction * (0.5 * (anchor.start + anchor.end))
-        places = anchor.places(far)
-        which = np.flatnonzero(anchor.holds(places))
-        column = np.floor(places.across[which] - 0.5).astype(np.intp)
-        row = np.floor(places.up[which] - 0.5).astype(np.intp)
-        right, upper = places.across[which] - 0.5 - column, places.up[which] - 0.5 - row
-        fade = _fade(points.take(which)._replace(position=far[:, which]), anchor)
-        for step_up, share_up in ((0, 1.0 - upper), (1, upper)):
-            for step, share in ((0, 1.0 - right), (1, right)):
-                at = row + step_up, column + step
-                own = ((share * share_up + 1e-6) * fade * np.isinf(picture.depth[at])).astype(np.float32)
-                total[which] += picture.color[at] * own[:, None]
-                weight[which] += own
+        which = np.flatnonzero(anchor.holds(anchor.places(far)))
+        at = placed(anchor, far.take(which, 1))
+        column, row = at.across.astype(np.int32), at.up.astype(np.int32)
+        right, upper = at.across - column, at.up - row
+        fade = fade_of(at, anchor.size)
+        for step, step_up in FOUR:
+            share = (right if step else 1.0 - right) * (upper if step_up else 1.0 - upper)
+            own = np.clip(row + step_up, 0, anchor.size[1] - 1), np.clip(column + step, 0, anchor.size[0] - 1)
+            share = (share + LEAST_SHARE) * fade * np.isinf(view.depth[own])
+            total[which] += picture[own] * share[:, None]
+            weight[which] += share
     is_hole = weight <= 0.0
     total /= np.where(is_hole, np.float32(1.0), weight)[:, None]
-    return Joined(total, is_hole)
-
-
-def _penalties(points: ShownPoints, anchor: Anchor) -> Array:
-    """Return the penalties (N,) by which an anchor is ranked for points, inf where it cannot show them.
-
-    A penalty is the angle between ray and projector in radians, and more where the anchor's pixels are large.
-    """
-    places = anchor.places(points.position)
-    ray = anchor.directions(points.position)
-    off = np.arccos(np.clip(np.einsum("cn,cn->n", ray, points.direction), -1.0, 1.0))
-    coarse = anchor.lengths(places.depth) / np.maximum(points.length, np.finfo(np.float64).tiny)
-    found: Array = off + COARSE_ANGLE * np.maximum(coarse - 1.0, 0.0)
-    facing = -np.einsum("cn,cn->n", points.normal, ray)
-    own = -np.einsum("cn,cn->n", points.normal, points.direction)
-    found[~anchor.holds(places) | (facing < np.minimum(LEAST_COSINE, 0.5 * own))] = np.inf
-    return found
-
-
-def _fade(points: ShownPoints, anchor: Anchor) -> Array:
-    """1 inside an anchor's window, falling to nearly 0 at its border, (N,)."""
-    places, (width, height) = anchor.places(points.position), anchor.size
-    inside = np.minimum(
-        np.minimum(places.across, width - places.across), np.minimum(places.up, height - places.up)
-    )
-    share = np.clip(inside / (BORDER * min(width, height)), 0.0, 1.0)
-    fade: Array = np.maximum(share * share * (3.0 - 2.0 * share), 1e-3)
-    return fade
-
-
-def _looked_up(points: ShownPoints, picture: AnchorPicture) -> tuple[Single, BoolArray]:
-    """The colours (N, C) of points in one picture, and whether it shows them, (N,)."""
-    anchor = picture.anchor
-    places = anchor.places(points.position)
-    column, row = np.floor(places.across - 0.5).astype(np.intp), np.floor(places.up - 0.5).astype(np.intp)
-    right, upper = places.across - 0.5 - column, places.up - 0.5 - row
-    color = np.zeros((2, len(column), picture.color.shape[2]), np.float32)
-    total = np.zeros((2, len(column)))
-    for step_up, share_up in ((0, 1.0 - upper), (1, upper)):
-        for step, share in ((0, 1.0 - right), (1, right)):
-            at = row + step_up, column + step
-            # The nearest pixel may have no share left.
-            share_of = share * share_up + 1e-6
-            for own, shows in enumerate(_shows(points, places, anchor, picture.depth[at], *at)):
-                color[own] += picture.color[at] * (share_of * shows)[:, None].astype(np.float32)
-                total[own] += share_of * shows
-    own = (total[0] <= 0.0).astype(np.intp)
-    color, total = color[own, np.arange(len(own))], total[own, np.arange(len(own))]
-    found: BoolArray = total > 0.0
-    color /= np.where(found, total, 1.0)[:, None].astype(np.float32)
-    return color, found
-
-
-def _shows(
-    points: ShownPoints,
-    places: AnchorPlaces,
-    anchor: Anchor,
-    depth: Single,
-    row: IndexArray,
-    column: IndexArray,
-) -> tuple[BoolArray, BoolArray]:
-    """Return whether pixels (N,) of an anchor show the surfaces of points (N,), and whether what is near."""
-    is_there = np.isfinite(depth)
-    depth = np.where(is_there, depth, 1.0).astype(np.float64)
-    begin, way = anchor.rays(column, row)
-    off = begin + way * (depth - anchor.start) - points.position
-    side = anchor.lengths(places.depth)
-    height = np.abs(np.einsum("cn,cn->n", points.normal, off))
-    ray = anchor.directions(points.position)
-    cosine = np.abs(np.einsum("cn,cn->n", points.normal, ray))
-    square = np.einsum("cn,cn->n", off, off)
-    near = square <= (APART * side / np.maximum(cosine, STEEPEST)) ** 2
-    shows = is_there & near & (height <= OFF_PLANE * side + ROUNDED * places.depth)
-    return shows, is_there & (square <= (BESIDE * side) ** 2)
+    return total, is_hole

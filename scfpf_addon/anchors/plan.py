@@ -9,7 +9,7 @@ image, parallel cameras, and cameras near to what these parts show.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor, Window
-from .shown_points import ShownPoints, shown_points
+from .shown_points import ShownPoints, joined_points, shown_points
 
 # Image positions along the longer side that the first round looks at, and those of the second one.
 COLUMNS, MORE_COLUMNS = 64, 160
@@ -88,6 +88,11 @@ class AnchorPlan:
     is_one_eye: bool
 
 
+# The matrix of a camera, and whether its rays are parallel; with the numbers of points that it is made for.
+Camera = tuple[Array, bool]
+CameraOfPart = tuple[IndexArray, Camera]
+
+
 @dataclass(eq=False)
 class _Candidate:
     """An anchor that may be chosen. sees: (N,), the points that it serves; of those, the ones that nothing
@@ -119,7 +124,7 @@ def plan_anchors(
         anchors = _from_one_eye(points, eye, axes, size, limits)
         return _plan(scene, anchors, points, size, limits, True)
     points = points.take(np.flatnonzero(points.is_hit))
-    cover = _Cover(scene, size, limits)
+    cover = Cover(scene, size, limits)
     anchors = cover.extended((), points)
     more = _looked_at(scene, projections, size, MORE_COLUMNS)
     more = more.take(np.flatnonzero(more.is_hit))
@@ -179,7 +184,7 @@ def _looked_at(
     for projection in projections:
         raise_if_cancelled()
         found.append(shown_points(scene, projection, x, y, pixel_size))
-    return ShownPoints._make(np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+    return joined_points(found)
 
 
 def common_eye(points: ShownPoints) -> Array | None:
@@ -235,14 +240,15 @@ def _facing(
     axes: Array, eye: Array, points: ShownPoints, size: tuple[int, int], limits: PlanLimits
 ) -> Anchor:
     """The anchor at an eye, with the axes (3, 3), for points (N,) that are all before it."""
-    anchor = _framed(_matrix(axes, eye), points, size, limits, False)
+    anchor = _framed(camera_matrix(axes, eye), points, size, limits, False)
     assert anchor is not None
     # Between the points there may be things as near as projectors begin.
     first = float((axes[:, 2] @ (eye[:, None] - points.begin)).min())
     return replace(anchor, start=max(first * (1.0 - BEFORE), NEAREST * anchor.start))
 
 
-def _matrix(axes: Array, place: Array) -> Array:
+def camera_matrix(axes: Array, place: Array) -> Array:
+    """The matrix (4, 4) of a camera at a place (3,), with its axes (3, 3)."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = axes, place
     return matrix
@@ -273,7 +279,7 @@ def _framed(
     if is_parallel:
         # The camera stands a little before what it shows.
         ahead = start - texel
-        matrix = _matrix(matrix[:3, :3], matrix[:3, 3] - ahead * matrix[:3, 2])
+        matrix = camera_matrix(matrix[:3, :3], matrix[:3, 3] - ahead * matrix[:3, 2])
         start, end = texel, end - ahead
     across, up = count.astype(int).tolist()
     return Anchor(matrix, window, (across, up), start, end, is_parallel)
@@ -308,7 +314,7 @@ def _unhidden(scene: CastScene, anchor: Anchor, points: ShownPoints, sees: BoolA
     return seen
 
 
-class _Cover:
+class Cover:
     """The greedy choice of anchors. size: of the image in pixels."""
 
     def __init__(self, scene: CastScene, size: tuple[int, int], limits: PlanLimits) -> None:
@@ -316,23 +322,37 @@ class _Cover:
 
     def extended(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
         """The anchors, and further ones for points (N,) that none of them sees."""
-        chosen = list(anchors)
         count = len(points.number)
         left = np.ones(count, bool)
-        for anchor in chosen:
+        for anchor in anchors:
             left &= ~_unhidden(self._scene, anchor, points, serves(anchor, points, self._limits))
-        which = np.flatnonzero(left)
-        if not len(which):
-            return chosen
-        points = points.take(which)
-        candidates = list(self._candidates(points))
-        left = np.ones(len(which), bool)
+        points = points.take(np.flatnonzero(left))
+        cameras = (
+            (part, camera) for part in _parts(points, self._size) for camera in _cameras(points.take(part))
+        )
         enough = (1.0 - self._limits.coverage) * count
+        return self.chosen(anchors, points, cameras, enough, max(LEAST_GAIN * count, 1.0))
+
+    def chosen(
+        self,
+        anchors: Sequence[Anchor],
+        points: ShownPoints,
+        cameras: Iterable[CameraOfPart],
+        enough: float,
+        least: float,
+    ) -> list[Anchor]:
+        """The anchors, and further ones of the cameras for points (N,).
+
+        enough: the number of points that may be left. least: the number of them that an anchor must add.
+        """
+        chosen = list(anchors)
+        candidates = list(self._candidates(points, cameras))
+        left = np.ones(len(points.number), bool)
         while candidates and len(chosen) < self._limits.most and left.sum() > enough:
             raise_if_cancelled()
             best = self._best(candidates, left, points)
             gain = best.sees & left
-            if gain.sum() < max(LEAST_GAIN * count, 1.0):
+            if gain.sum() < least:
                 break
             candidates.remove(best)
             made = sum(anchor.count for anchor in chosen)
@@ -373,22 +393,21 @@ class _Cover:
             framed = replace(framed, window=window, size=(across, up))
         return framed
 
-    def _candidates(self, points: ShownPoints) -> Iterator[_Candidate]:
-        for part in _parts(points, self._size):
+    def _candidates(self, points: ShownPoints, cameras: Iterable[CameraOfPart]) -> Iterator[_Candidate]:
+        for part, (matrix, is_parallel) in cameras:
+            raise_if_cancelled()
             own = points.take(part)
-            for matrix, is_parallel in _cameras(own):
-                raise_if_cancelled()
-                turned = matrix[:3, :3].T @ (own.position - matrix[:3, 3:])
-                depth = -turned[2]
-                near = is_parallel or (depth > 0.0).all()
-                if not near or (not is_parallel and np.abs(turned[:2] / depth).max() > WIDEST):
-                    continue
-                anchor = _framed(matrix, own, self._size, self._limits, is_parallel)
-                if anchor is None or anchor.count > 4 * self._size[0] * self._size[1]:
-                    continue
-                sees = serves(anchor, points, self._limits)
-                if sees.any():
-                    yield _Candidate(anchor, sees)
+            turned = matrix[:3, :3].T @ (own.position - matrix[:3, 3:])
+            depth = -turned[2]
+            near = is_parallel or (depth > 0.0).all()
+            if not near or (not is_parallel and np.abs(turned[:2] / depth).max() > WIDEST):
+                continue
+            anchor = _framed(matrix, own, self._size, self._limits, is_parallel)
+            if anchor is None or anchor.count > 4 * self._size[0] * self._size[1]:
+                continue
+            sees = serves(anchor, points, self._limits)
+            if sees.any():
+                yield _Candidate(anchor, sees)
 
 
 def _parts(points: ShownPoints, size: tuple[int, int]) -> Iterator[IndexArray]:
@@ -407,7 +426,7 @@ def _parts(points: ShownPoints, size: tuple[int, int]) -> Iterator[IndexArray]:
                 yield which
 
 
-def _cameras(points: ShownPoints) -> Iterator[tuple[Array, bool]]:
+def _cameras(points: ShownPoints) -> Iterator[Camera]:
     """Cameras for points: their matrices, and whether their rays are parallel."""
     mean = points.direction.mean(axis=1)
     strength = np.linalg.norm(mean)
@@ -419,10 +438,10 @@ def _cameras(points: ShownPoints) -> Iterator[tuple[Array, bool]]:
     radius = float(np.linalg.norm(points.position - middle[:, None], axis=0).max())
     eye = nearest_to_lines(points.position, points.direction)
     if eye is not None and np.linalg.norm(eye - middle) < 1e4 * max(radius, 1e-300):
-        yield _matrix(axes, eye), False
-    yield _matrix(axes, middle), True
+        yield camera_matrix(axes, eye), False
+    yield camera_matrix(axes, middle), True
     for factor in NEAR:
-        yield _matrix(axes, middle - mean * (factor * radius)), False
+        yield camera_matrix(axes, middle - mean * (factor * radius)), False
 
 
 def looking_along(direction: Array) -> Array:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,11 @@ class ShownPoints(NamedTuple):
     def take(self, which: IndexArray) -> ShownPoints:
         """Return the points with the numbers ``which`` (n,)."""
         return ShownPoints._make(each.take(which, -1) for each in self)
+
+
+def joined_points(parts: Sequence[ShownPoints]) -> ShownPoints:
+    """The points of one or more parts as one, in their order."""
+    return ShownPoints._make(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True))
 
 
 def shown_points(

@@ -12,6 +12,7 @@ import tempfile
 from contextlib import suppress
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from ..anchors.anchor import Anchor
@@ -22,6 +23,7 @@ from ..cycles.layers.switched_passes import SwitchedPasses
 from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError
+from ..shading.typing import Single
 
 CAMERA = "SCFPF Anchor"
 LOST = "The scene's copy was removed meanwhile: render again"
@@ -49,6 +51,7 @@ class AnchorScene:
         with all_or_nothing() as kept:
             copy = scene.copy()
             self.name, self._folder = copy.name, tempfile.mkdtemp(prefix="scfpf-")
+            self._kept = 0
             kept.callback(shutil.rmtree, self._folder, ignore_errors=True)
             self._prepare(copy, view_layer, engine or scene.render.engine)
 
@@ -128,6 +131,14 @@ class AnchorScene:
         render.filter_size, scene.display.render_aa = POINT, "OFF"
         if hasattr(scene, "cycles"):
             scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", POINT
+
+    def kept(self, values: Single) -> Single:
+        """Move values into a file that the system maps into memory as needed, for pictures are many."""
+        self._kept += 1
+        path = os.path.join(self._folder, f"kept{self._kept}")
+        mapped: Single = np.memmap(path, values.dtype, "w+", shape=values.shape)
+        mapped[:] = values
+        return mapped
 
     def look_as(self, camera) -> None:
         """Let the next render be the ordinary one of a camera."""

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..anchors.anchor import Anchor
-from ..anchors.join import AnchorPicture, join, join_sky, traced_depth
+from ..anchors.anchor_view import AnchorView, traced_views
+from ..anchors.completion import completed
+from ..anchors.join import find_texels, join_sky
 from ..anchors.plan import AnchorPlan, PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.shown_points import shown_points
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
@@ -37,6 +39,14 @@ LEFT_OUT = "Left out of pictures that are joined: {0}"
 AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
 # Types of objects without faces that engines draw.
 FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
+
+
+@dataclass
+class Pictures:
+    """The pictures of anchors. colors: (H, W, 4) float32 each, row 0 at the bottom."""
+
+    views: list[AnchorView]
+    colors: list[Single] = field(default_factory=list)
 
 
 class AnchoredRender:
@@ -73,26 +83,29 @@ class AnchoredRender:
         if shown is None:
             raise UserError(NOTHING)
         self.plan = plan_anchors(shown, [inputs.projection], size, axes, PlanLimits())
+        views = traced_views(shown, self.plan.anchors, settings.threads)
+        done = completed(shown, inputs.projection, size, views, PlanLimits(), settings.threads)
+        seen = Pictures(list(done.views))
         sky: list[Anchor] = []
         if not settings.transparent and not self.plan.is_one_eye:
             sky = sky_anchors(shown, inputs.projection, size, axes, PlanLimits())
-        self.total = len(self.plan.anchors) + len(sky)
+        self.total = len(seen.views) + len(sky)
         self.warnings += self._cautions(settings.depth_of_field is not None)
-        pictures = []
-        for anchor in self.plan.anchors:
-            color = yield from self._rendered(anchor)
-            pictures.append(AnchorPicture(anchor, color, traced_depth(shown, anchor)))
+        for view in seen.views:
+            color = yield from self._rendered(view.anchor)
+            seen.colors.append(color)
         # Beyond the far surface an anchor may see things where the picture shows the sky.
         if not settings.transparent and self.plan.is_one_eye:
-            sky = lacking_sky(shown, inputs.projection, size, axes, pictures)
+            sky = lacking_sky(shown, inputs.projection, size, axes, seen)
             self.total += len(sky)
         if sky:
             self._passing.show_world_alone()
-        worlds = []
+        nothing = (np.full(anchor.size[::-1], np.inf, np.float32) for anchor in sky)
+        worlds = Pictures([AnchorView(*each) for each in zip(sky, nothing, strict=True)])
         for anchor in sky:
             color = yield from self._rendered(anchor)
-            worlds.append(AnchorPicture(anchor, color, np.full(color.shape[:2], np.inf, np.float32)))
-        self.pixels = self._joined(inputs, shown, pictures, worlds or pictures)
+            worlds.colors.append(color)
+        self.pixels = self._joined(inputs, shown, seen, worlds if sky else seen)
 
     def _read(self, camera) -> tuple[RenderInputs, np.ndarray]:
         """The inputs of the picture, and the axes (3, 3) of its camera. Raises USER_ERRORS."""
@@ -120,19 +133,20 @@ class AnchoredRender:
         return texts + ([Message(AS_IT_COMES, ", ".join(sorted(found)))] if found else [])
 
     def _rendered(self, anchor: Anchor) -> Iterator[str]:
-        """Render an anchor and return its colours (H, W, 4)."""
+        """Render an anchor and return its colours (H, W, 4), which are in a file."""
         self._passing.look_through(anchor)
         yield Message("{0} × {1}", *anchor.size)
         color = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
         # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
-        return np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
+        np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
+        return self._passing.kept(color)
 
     def _joined(
         self,
         inputs: RenderInputs,
         scene: CastScene,
-        pictures: list[AnchorPicture],
-        worlds: list[AnchorPicture],
+        seen: Pictures,
+        worlds: Pictures,
     ) -> Single:
         settings, projection = inputs.settings, inputs.projection
         width, height, angle = settings.width, settings.height, PlanLimits().angle
@@ -153,16 +167,16 @@ class AnchoredRender:
                 present[points.number] = True
                 weight[~present] += 1.0
                 things = points.take(np.flatnonzero(points.is_hit))
-                found = join(things, pictures, angle)
-                color[things.number] += found.color
+                found = find_texels(things, seen.views, angle)
+                color[things.number] += found.colors(seen.colors)
                 weight[things.number] += ~found.is_hole
                 if settings.transparent:
                     weight[points.number[~points.is_hit]] += 1.0
                 else:
                     beyond = points.take(np.flatnonzero(~points.is_hit))
-                    found = join_sky(beyond, worlds)
-                    color[beyond.number] += found.color
-                    weight[beyond.number] += ~found.is_hole
+                    own, lacks = join_sky(beyond, worlds.views, worlds.colors)
+                    color[beyond.number] += own
+                    weight[beyond.number] += ~lacks
             empty = weight <= 0.0
             return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
 
@@ -176,7 +190,7 @@ class AnchoredRender:
             frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
             if frame is not None:
                 pixels[holes] = frame.pixels[holes]
-            self.warnings.append(Message(HOLES, float(holes.mean()), len(pictures)))
+            self.warnings.append(Message(HOLES, float(holes.mean()), len(seen.views)))
         return pixels
 
 
@@ -185,10 +199,10 @@ def lacking_sky(
     projection: Projection,
     size: tuple[int, int],
     axes: np.ndarray,
-    pictures: list[AnchorPicture],
+    seen: Pictures,
 ) -> list[Anchor]:
     """Plan anchors of the world alone if pictures do not show all of the sky that a projection shows."""
     points = sky_points(scene, projection, size)
-    if not len(points.number) or not join_sky(points, pictures).is_hole.any():
+    if not len(points.number) or not join_sky(points, seen.views, seen.colors)[1].any():
         return []
     return sky_anchors(scene, projection, size, axes, PlanLimits())

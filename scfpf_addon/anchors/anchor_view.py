@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an anchor sees, traced by the caster, and where points lie in its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.common.cancellation import raise_if_cancelled
+from ..casting.scene.cast_scene import CastScene
+from ..casting.tiles import TileJob, run_tiles
+from ..projection.typing import Array
+from ..shading.typing import Single
+from .anchor import Anchor
+
+# Rows of an anchor's picture whose depths are traced at once.
+ROWS = 256
+
+
+@dataclass(frozen=True)
+class AnchorView:
+    """An anchor and what it sees.
+
+    depth: (H, W) float32, row 0 at the bottom, the distances along its axis of what the caster meets in its
+    pixels' centres, inf for nothing. strength: in (0, 1], below 1 for an anchor that fades in or out.
+    """
+
+    anchor: Anchor
+    depth: Single
+    strength: float = 1.0
+
+
+def traced_depth(scene: CastScene, anchor: Anchor) -> Single:
+    """The distances along an anchor's axis of the first hits of its pixels' centres, (H, W), inf for none."""
+    width, height = anchor.size
+    found = np.full((height, width), np.inf, np.float32)
+    reach = np.float32(anchor.end - anchor.start)
+    for first in range(0, height, ROWS):
+        raise_if_cancelled()
+        rows = np.arange(first, min(first + ROWS, height))
+        column, row = np.tile(np.arange(width), len(rows)), np.repeat(rows, width)
+        begin, way = anchor.rays(column, row)
+        origin = ((begin - scene.centre[:, None]) * scene.scale).astype(np.float32)
+        limits = np.full(len(column), reach, np.float32)
+        distance = scene.mesh.trace_distance(origin, (way * scene.scale).astype(np.float32), limits)
+        depth = np.where(distance < reach, distance + np.float32(anchor.start), np.float32(np.inf))
+        found[rows] = depth.reshape(len(rows), width)
+    return found
+
+
+def traced_views(scene: CastScene, anchors: Sequence[Anchor], threads: int = 0) -> list[AnchorView]:
+    """What anchors see. threads: 0 for all cores. Raises Cancelled."""
+    found: dict[int, Single] = {}
+
+    def work(job: TileJob) -> Single:
+        """The depths of one anchor."""
+        return traced_depth(scene, anchors[job.rows.start])
+
+    def finished(which: slice, depth: Single) -> None:
+        """Keep the depths of an anchor."""
+        found[which.start] = depth
+
+    run_tiles(work, [slice(k, k + 1) for k in range(len(anchors))], threads, finished)
+    return [AnchorView(anchor, found[k]) for k, anchor in enumerate(anchors)]
+
+
+class Placed(NamedTuple):
+    """Points (n,) in an anchor's picture, float32.
+
+    across, up: in pixels from the centre of its lower left pixel. depth: along its axis. slope: (2, n), of
+    rays by depth. side: of a pixel at the points, in world units.
+    """
+
+    across: Single
+    up: Single
+    depth: Single
+    slope: Single
+    side: Single
+
+
+def placed(anchor: Anchor, position: Array) -> Placed:
+    """Place world points (3, n) in an anchor's picture. Those at or behind its eye have a depth <= 0."""
+    local = (anchor.matrix[:3, :3].T @ (position - anchor.matrix[:3, 3:])).astype(np.float32)
+    depth = -local[2]
+    texel = np.float32(anchor.texel)
+    if anchor.is_parallel:
+        slope, flat, side = np.zeros_like(local[:2]), local[:2], np.full_like(depth, texel)
+    else:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slope = local[:2] / depth
+        flat, side = slope, texel * depth
+    across = (flat[0] - np.float32(anchor.window.left)) / texel - np.float32(0.5)
+    up = (flat[1] - np.float32(anchor.window.bottom)) / texel - np.float32(0.5)
+    return Placed(across, up, depth, slope, side)
