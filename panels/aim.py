@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel Aim: the list of what the picture shall show, the active target, and how well it is met."""
 
+import math
+
 import bpy
 
 from ..operators.common.target import flexible_camera_of
@@ -22,6 +24,9 @@ NUMBERS = {
     LINE: ("weight",),
     STAY: ("weight",),
 }
+# The angle of a press of the buttons that turn a view, and what each does: to the left, and up.
+STEP = math.radians(10)
+TURNS = (("Left", STEP, 0.0), ("Right", -STEP, 0.0), ("Up", 0.0, STEP), ("Down", 0.0, -STEP))
 # A target is met well whose points are all within so many pixels.
 WELL_MET = 1.5
 # A view shows its thing well if 95 % of it are within so many pixels.
@@ -105,6 +110,10 @@ class _AimSection(Subsection):
 
 def draw_target(layout, target) -> None:
     """Draw the settings of a target, what its last solve has reached, and remedies."""
+    if target.kind in (VIEW, PIN):
+        layout.operator("scfpf.aim_drag", icon="VIEW_PAN")
+    if target.kind == VIEW:
+        draw_turns(layout.column(align=True))
     column = layout.column()
     column.active = target.is_on
     if target.kind in (VIEW, STAY):
@@ -117,13 +126,20 @@ def draw_target(layout, target) -> None:
             column.prop(target, name)
     for name in NUMBERS[target.kind]:
         column.prop(target, name)
-    if target.kind in (VIEW, PIN):
-        column.operator("scfpf.aim_drag", icon="VIEW_PAN")
     if target.message:
         draw_text(layout, target.message, "ERROR" if target.hidden > 0.0 else "INFO")
     if target.kind == VIEW and target.hidden > 0.0 and any(target.free_turn):
         turn = layout.operator("scfpf.aim_turn", text="Turn to Free Direction", icon="ORIENTATION_GIMBAL")
         turn.to_free = True
+
+
+def draw_turns(column) -> None:
+    """Draw the buttons that move a view's camera round what it shows."""
+    column.label(text="Turn View")
+    row = column.row(align=True)
+    for text, left, up in TURNS:
+        turn = row.operator("scfpf.aim_turn", text=text)
+        turn.left, turn.up = left, up
 
 
 class _AimSettingsSection(Subsection):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drag a view or a pin of Aim in the image, by mouse, keys or numbers; the volume follows."""
+"""Drag a view or a pin of Aim in the image, or lead a view's eye round its thing; the volume follows."""
 
 import math
 
@@ -7,10 +7,11 @@ import bpy
 import numpy as np
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
+from ...scfpf_addon.bridge.aim import new_targets
 from ...scfpf_addon.bridge.aim.drag import AimDrag
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
 from ...scfpf_addon.bridge.aim.solve_work import run_through
-from ...scfpf_addon.bridge.blender.all_or_nothing import Kept
+from ...scfpf_addon.bridge.blender.all_or_nothing import PLACE, Kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
@@ -19,7 +20,7 @@ from ...scfpf_addon.bridge.render.view_painter import Rectangle
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
-from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, HandledFrame
+from ...scfpf_addon.shading.picking.frame_handles import BODY, ORBIT, SIZE, TURN, HandledFrame
 from ..common.errors import refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
@@ -30,13 +31,13 @@ NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
 RESTING_STEPS = 4
 PARTS = {"G": BODY, "S": SIZE, "R": TURN}
 KEYS = (
-    "G: move    S: size    R: turn    X, Y: along an axis    Arrows or a number: exactly    Shift: fine    "
-    "Ctrl: steps    Release or Enter: solve    Esc, right click: restore"
+    "G: move    S: size    R: roll    R R: turn in space    X, Y: along an axis    Arrows or a number: "
+    "exactly    Shift: fine    Ctrl: steps    Release or Enter: solve    Esc, right click: restore"
 )
 
 
 class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
-    """Move, scale or turn the active view or pin in the picture, by mouse, keys or numbers: the volume
+    """Move, scale, roll or turn the active view or pin in the picture, by mouse, keys or numbers: the volume
     follows, and is solved at the end"""
 
     bl_idname = "scfpf.aim_drag"
@@ -51,7 +52,13 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         name="Move", description="Movement, as shares of the picture's width and height", size=2
     )
     factor: FloatProperty(name="Size", description="Factor by which the size changes", default=1.0, min=0.01)
-    turn: FloatProperty(name="Turn", description="Counterclockwise turn", subtype="ANGLE")
+    turn: FloatProperty(name="Roll", description="Counterclockwise turn in the picture", subtype="ANGLE")
+    orbit: FloatVectorProperty(
+        name="Turn View",
+        description="Angles by which the view's camera moves round the thing, to its left and up",
+        size=2,
+        subtype="EULER",
+    )
     index: IntProperty(
         name="Target",
         description="Number of the target in the list; -1 for the active one",
@@ -77,7 +84,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
                 drag = AimDrag(camera, context.evaluated_depsgraph_get())
                 kept.callback(self._put_back)
                 kept.callback(drag.restore)
-                self._place()
+                self._place(context)
                 message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
                 kept.pop_all()
         except USER_ERRORS as error:
@@ -92,7 +99,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         scale = context.preferences.system.ui_scale
         hit = None if image is None else target_at(shown_targets(context, image), *mouse, scale)
         is_press = event.type == "LEFTMOUSE" and event.value == "PRESS"
-        self.shift, self.factor, self.turn = (0.0, 0.0), 1.0, 0.0
+        self.shift, self.factor, self.turn, self.orbit = (0.0, 0.0), 1.0, 0.0, (0.0, 0.0)
         self.index, part = hit if is_press and hit is not None else (-1, BODY)
         try:
             self._choose(camera)
@@ -151,7 +158,8 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     def _press(self, event) -> None:
         """Apply a key."""
         if event.type in PARTS:
-            self._drag.choose(PARTS[event.type])
+            again = event.type == "R" and self._drag.part == TURN
+            self._drag.choose(ORBIT if again else PARTS[event.type])
         elif event.type in {"X", "Y"}:
             self._drag.constrain(event.type)
         elif event.type in ARROWS:
@@ -163,9 +171,9 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
 
     def _follow(self, context):
         """Put the target where the drag has it, and let the volume follow by one step. Raises USER_ERRORS."""
-        (x, y), self.factor, self.turn = self._drag.change
+        (x, y), self.factor, self.turn, self.orbit = self._drag.change
         self.shift = x / self._size[0], y / self._size[1]
-        self._place()
+        self._place(context)
         self._volume.step(context.evaluated_depsgraph_get())
         self._say(context)
         return {"RUNNING_MODAL"}
@@ -182,19 +190,34 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         target = self._target()
         self._is_pin = target.kind == PIN
         self._before = tuple(target.position), target.width, target.turn
+        eye = None if self._is_pin else target.eye
+        self._eye_before = {} if eye is None else {name: _value(eye, name) for name in PLACE}
+        self._eye_matrix = None if eye is None else eye.matrix_world.copy()
 
     def _target(self):
         return object_by_uid(self._camera).scfpf.aim_targets[self.index]
 
-    def _place(self) -> None:
-        """Put the target where the properties say, from where it was."""
+    def _place(self, context) -> None:
+        """Put the target and its eye where the properties say, from where they were. Raises UserError."""
         target, (position, width, turn) = self._target(), self._before
+        if not self._is_pin and any(self.orbit):
+            depsgraph = context.evaluated_depsgraph_get()
+            new_targets.turn_eye(target, depsgraph, *self.orbit, self._eye_matrix)
+        else:
+            self._put_eye_back()
         target.position = position[0] + self.shift[0], position[1] + self.shift[1]
         target.width, target.turn = width * self.factor, turn + self.turn
 
     def _put_back(self) -> None:
         target = self._target()
         target.position, target.width, target.turn = self._before
+        self._put_eye_back()
+
+    def _put_eye_back(self) -> None:
+        eye = self._target().eye
+        for name, value in self._eye_before.items() if eye is not None else ():
+            if _value(eye, name) != value:
+                setattr(eye, name, value)
 
     def _finish(self, context):
         """Begin to solve. A solve that is refused or cancelled restores the volume. Raises USER_ERRORS."""
@@ -209,7 +232,10 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         target = self._target()
         text = f"{target.name}: x {target.position[0]:.1%}  y {target.position[1]:.1%}"
         if not self._is_pin:
-            text += f"  size {target.width:.1%}  turn {math.degrees(target.turn):.1f}°"
+            text += f"  size {target.width:.1%}  roll {math.degrees(target.turn):.1f}°"
+        if any(self.orbit):
+            left, up = (math.degrees(angle) for angle in self.orbit)
+            text += f"  left {left:.1f}°  up {up:.1f}°"
         typed = f"    {self._drag.typed}" if self._drag.typed else ""
         axis = f"    along {self._drag.axis}" if self._drag.axis else ""
         self.show(context, f"{text}{axis}{typed}    {KEYS}")
@@ -229,6 +255,12 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         super().give_up(context)
         if object_by_uid(self._camera) is not None:
             self._put_back()
+
+
+def _value(eye, name: str):
+    """A property that places an eye, as a value that stays."""
+    value = getattr(eye, name)
+    return value if isinstance(value, str) else tuple(value)
 
 
 def _redraw() -> None:

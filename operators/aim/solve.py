@@ -24,7 +24,7 @@ from .solve_job import SolveJob
 
 
 class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
-    """Move the view's camera round what it shows, by angles"""
+    """Move the view's camera round what it shows, by angles, so that the picture shows another side of it"""
 
     bl_idname = "scfpf.aim_turn"
     bl_label = "Turn View"
@@ -53,6 +53,9 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
             raise UserError("'{0}' is not a view: choose one", target.name)
         left, up = target.free_turn if self.to_free else (self.left, self.up)
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
+        if camera.scfpf.aim.live:
+            return None
+        return report_text("Press Solve, or switch Live Aim on: the picture then follows the view")
 
 
 class SCFPF_OT_aim_solve(SolveJob, AimAction, bpy.types.Operator):

@@ -168,13 +168,16 @@ def remove_target(camera, index: int) -> None:
             delete_with_data(handle)
 
 
-def turn_eye(target, depsgraph, left: float, up: float) -> None:
-    """Move the eye of a view round its thing: radians to its own left, and up. Raises UserError."""
+def turn_eye(target, depsgraph, left: float, up: float, start: Matrix | None = None) -> None:
+    """Move the eye of a view round its thing: radians to its own left, and up. Raises UserError.
+
+    start: the eye's matrix from which it moves, by default its present one.
+    """
     eye = target.eye
     if eye is None or not eye.is_editable:
         raise UserError(
             "The view '{0}' has no camera that can be turned: choose one under Seen From", target.name
         )
     low, high = thing_box(target_objects(target), depsgraph)
-    world = np.array(eye.matrix_world, np.float64)
+    world = np.array(eye.matrix_world if start is None else start, np.float64)
     eye.matrix_world = Matrix((orbit(world, (low + high) / 2, left, up) @ world).tolist())

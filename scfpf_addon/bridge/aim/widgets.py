@@ -14,7 +14,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...projection.user_error import Message
-from ...shading.picking.frame_handles import TURN
+from ...shading.picking.frame_handles import ORBIT, TURN
 from ..blender.user_errors import translated_report
 from ..overlays.image_marks import ARM, MARK, RIM, TEXT_GAP, draw_cross, draw_lines, write
 from ..settings.aim_properties import LARGEST
@@ -27,6 +27,8 @@ QUIET, HOVERED = (0.75, 0.75, 0.75, 1.0), (1.0, 1.0, 1.0, 1.0)
 # Pixels at a display scale of 1: handles, the turning handle, their rims; the ring of a pin.
 HANDLE, TURNER, HANDLE_RIM, RING = 8.0, 10.0, 3.0, 8.0
 RING_SIDES = 16
+# The ring that turns a view is less opaque than its frame.
+RING_ALPHA = 0.5
 # A residual above so many pixels is told in the label.
 WELL_MET = 1.5
 # Labels of the worst places.
@@ -58,6 +60,14 @@ def outline(shown: ShownTarget, scale: float) -> list[tuple[float, float]]:
     return ends
 
 
+def ring_lines(shown: ShownTarget, scale: float) -> list[tuple[float, float]]:
+    """End points of the lines of the ring around a view's frame; none for a pin."""
+    if shown.frame is None:
+        return []
+    around = [tuple(place) for place in shown.frame.ring(scale).T]
+    return [end for n in range(len(around)) for end in (around[n - 1], around[n])]
+
+
 def draw_targets(context, image: ShownImage, hovered: tuple[int, int] | None) -> None:
     """Draw all targets of a camera. hovered: index and part under the mouse, or None."""
     region, scale = context.region, context.preferences.system.ui_scale
@@ -72,7 +82,10 @@ def draw_targets(context, image: ShownImage, hovered: tuple[int, int] | None) ->
         is_active = shown.index == settings.active_aim
         color = MARK if is_active else QUIET
         part = hovered[1] if hovered is not None and hovered[0] == shown.index else None
-        draw_lines(outline(shown, scale), size, scale, color if part is None else HOVERED)
+        draw_lines(outline(shown, scale), size, scale, color if part in (None, ORBIT) else HOVERED)
+        if is_active or part is not None:
+            quiet = (*color[:3], RING_ALPHA)
+            draw_lines(ring_lines(shown, scale), size, scale, HOVERED if part == ORBIT else quiet)
         handles = [] if shown.frame is None else [tuple(corner) for corner in shown.frame.corners.T]
         _draw_points(handles or [tuple(shown.origin)], HANDLE * scale, color)
         if shown.frame is not None:

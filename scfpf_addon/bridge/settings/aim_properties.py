@@ -97,8 +97,8 @@ class SCFPF_AimTarget(bpy.types.PropertyGroup):
         step=1,
     )
     turn: number(
-        "Turn",
-        "Angle by which the view is turned in the picture, counterclockwise",
+        "Roll",
+        "Angle by which the view is rolled in the picture, counterclockwise",
         0.0,
         -4 * math.pi,
         4 * math.pi,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...projection.typing import Array
-from .frame_handles import BODY, LEAST_FACTOR, SIZE, TURN, FrameChange, HandledFrame
+from .frame_handles import BODY, LEAST_FACTOR, ORBIT, SIZE, TURN, FrameChange, HandledFrame
 
 # With Shift the mouse moves by this share; with Ctrl sizes and turns snap to these steps.
 PRECISE, SIZE_STEP, TURN_STEP = 0.1, 0.1, math.radians(5)
@@ -48,24 +48,26 @@ class FrameDrag:
 
     def nudge(self, across: int, up: int) -> None:
         """Press an arrow key: -1, 0 or 1 to the right and up."""
-        (x, y), factor, turn = self._keys
+        (x, y), factor, turn, (left, rise) = self._keys
         if self.part == TURN:
             turn -= NUDGE_TURN * (across - up)
+        elif self.part == ORBIT:
+            left, rise = left + NUDGE_TURN * across, rise - NUDGE_TURN * up
         elif self.part == BODY:
             x, y = x + NUDGE * self.unit * across, y + NUDGE * self.unit * up
         else:
             factor *= math.exp(NUDGE_SIZE * (across + up))
-        self._keys = FrameChange((x, y), factor, turn)
+        self._keys = FrameChange((x, y), factor, turn, (left, rise))
 
     def choose(self, part: int) -> None:
-        """Begin anew with another part: BODY, SIZE or TURN. The frame is as at first."""
+        """Begin anew with another part: BODY, SIZE, TURN or ORBIT. The frame is as at first."""
         if self.is_point and part != BODY:
             return
         self.part, self._start, self._keys, self.typed, self.axis = part, self.mouse, FrameChange(), "", ""
 
     def constrain(self, axis: str) -> None:
-        """Move along "X" or "Y" only; the same axis again frees both."""
-        self.axis = "" if axis == self.axis or self.part != BODY else axis
+        """Move, or lead the eye, along "X" or "Y" only; the same axis again frees both."""
+        self.axis = "" if axis == self.axis or self.part not in (BODY, ORBIT) else axis
 
     def type(self, character: str) -> None:
         """Append a character of a number, or remove the last one for "\\b"."""
@@ -86,14 +88,21 @@ class FrameDrag:
         value = self.number
         if value is not None:
             return self._of_number(value)
-        (x, y), factor, turn = self.frame.dragged(self.part, self._start, self.mouse)
+        (x, y), factor, turn, orbit = self.frame.dragged(self.part, self._start, self.mouse)
         if self.is_snapped and self.part == TURN:
             turn = TURN_STEP * round(turn / TURN_STEP)
         if self.is_snapped and self.part == SIZE:
             factor = max(SIZE_STEP * round(factor / SIZE_STEP), LEAST_FACTOR)
-        (dx, dy), times, more = self._keys
-        x, y = x + dx, y + dy
-        return FrameChange((x * (self.axis != "Y"), y * (self.axis != "X")), factor * times, turn + more)
+        if self.is_snapped:
+            orbit = TURN_STEP * round(orbit[0] / TURN_STEP), TURN_STEP * round(orbit[1] / TURN_STEP)
+        (dx, dy), times, more, (left, rise) = self._keys
+        free = self.axis != "Y", self.axis != "X"
+        return FrameChange(
+            ((x + dx) * free[0], (y + dy) * free[1]),
+            factor * times,
+            turn + more,
+            ((orbit[0] + left) * free[0], (orbit[1] + rise) * free[1]),
+        )
 
     def _of_number(self, value: float) -> FrameChange:
         if self.part == BODY:
@@ -101,4 +110,7 @@ class FrameDrag:
             return FrameChange(shift=(0.0, length) if self.axis == "Y" else (length, 0.0))
         if self.part == TURN:
             return FrameChange(turn=math.radians(value))
+        if self.part == ORBIT:
+            angle = math.radians(value)
+            return FrameChange(orbit=(0.0, angle) if self.axis == "Y" else (angle, 0.0))
         return FrameChange(factor=max(abs(value), LEAST_FACTOR))

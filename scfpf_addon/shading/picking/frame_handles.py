@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frame of a view in an image: its corners and turning handle, and what dragging them does.
+"""The frame of a view in an image: its corners, its handle and its ring, and what dragging them does.
 
 Places are pixels of a region, x to the right and y up. A view lies in the image by a similarity, so that a
-drag changes its origin, its size by a factor, and its turn.
+drag changes its origin, its size by a factor, and its turn. A drag of the ring leads the view's eye round
+its thing.
 """
 
 from __future__ import annotations
@@ -17,19 +18,26 @@ from ...projection.typing import Array
 
 # Parts of a frame: its corners have the numbers 0 to 3, counterclockwise from the lower left. A key chooses
 # SIZE, which scales about the origin.
-TURN, BODY, SIZE = 4, 5, 6
-# Pixels at a display scale of 1: how near a handle a press may be, and how far the turning handle stands off.
-REACH, STALK = 10.0, 26.0
+TURN, BODY, SIZE, ORBIT = 4, 5, 6, 7
+# Pixels at a display scale of 1: how near a handle and the ring a press may be, how far the turning handle
+# stands off the frame, and the ring off the corners.
+REACH, RING_REACH, STALK, RING_GAP = 10.0, 6.0, 26.0, 14.0
+# Sides of the ring as it is drawn.
+RING_SIDES = 64
 # A drag makes nothing smaller than this share of its size.
 LEAST_FACTOR = 0.05
 
 
 class FrameChange(NamedTuple):
-    """The change of a view by a drag: the shift of its origin in pixels, the factor of its size, its turn."""
+    """The change of a view by a drag: the shift of its origin in pixels, the factor of its size, its turn.
+
+    orbit: radians by which its eye moves round the thing, to its own left and up.
+    """
 
     shift: tuple[float, float] = (0.0, 0.0)
     factor: float = 1.0
     turn: float = 0.0
+    orbit: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -67,14 +75,38 @@ class HandledFrame:
         middle = (left + right) / 2
         return self._placed(np.array([[middle, middle], [high, high + STALK * scale]]))
 
+    @property
+    def _middle(self) -> Array:
+        """The pixel of the middle of the frame, (2,)."""
+        middle: Array = self.corners.mean(axis=1)
+        return middle
+
+    @property
+    def _radius(self) -> float:
+        """Half of the frame's diagonal, in pixels."""
+        left, low, right, high = self.box
+        return math.hypot(right - left, high - low) / 2
+
+    def ring(self, scale: float) -> Array:
+        """The pixels of the ring around the frame, (2, RING_SIDES). scale: of the display."""
+        angles = np.arange(RING_SIDES) * (math.tau / RING_SIDES)
+        around: Array = np.stack([np.cos(angles), np.sin(angles)])
+        return self._middle[:, None] + (self._radius + RING_GAP * scale) * around
+
     def part_at(self, x: float, y: float, scale: float) -> int | None:
-        """The part of the frame at a pixel; handles come before the body. scale: of the display."""
+        """The part of the frame at a pixel: handles come before the ring and the body.
+
+        scale: of the display.
+        """
         place = np.array([x, y])
         handles = np.concatenate([self.corners, self.stalk(scale)[:, 1:]], axis=1)
         away = np.linalg.norm(handles - place[:, None], axis=0)
         nearest = int(np.argmin(away))
         if away[nearest] <= REACH * scale:
             return nearest
+        off = float(np.linalg.norm(place - self._middle)) - self._radius - RING_GAP * scale
+        if abs(off) <= RING_REACH * scale:
+            return ORBIT
         across, up = _turned((place - self.origin)[:, None], -self.turn)[:, 0]
         left, low, right, high = self.box
         return BODY if left <= across <= right and low <= up <= high else None
@@ -82,10 +114,15 @@ class HandledFrame:
     def dragged(self, part: int, start: Array, end: Array) -> FrameChange:
         """The change when a part is dragged from one pixel to another, (2,) each.
 
-        The corner opposite to a dragged one stays where it is; the frame turns about its origin.
+        The corner opposite to a dragged one stays where it is; the frame turns about its origin. On the ring
+        the front of the thing follows the mouse, as that of a ball of the frame's radius.
         """
         if part == BODY:
             return FrameChange(shift=(float(end[0] - start[0]), float(end[1] - start[1])))
+        if part == ORBIT:
+            across, up = _turned((end - start)[:, None], -self.turn)[:, 0]
+            reach = max(self._radius, 1.0)
+            return FrameChange(orbit=(float(across) / reach, -float(up) / reach))
         then, now = start - self.origin, end - self.origin
         if part == TURN:
             angle = math.atan2(now[1], now[0]) - math.atan2(then[1], then[0])

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from aim_scenes import box_scene, points_of, solve, turned_view
+from mathutils import Vector
 from recorded_layout import RecordingLayout, drawn, texts
 
 CORNER = [(1.0, -0.8, 1.0)]
@@ -42,18 +43,45 @@ def test_size_and_turn_are_relative(camera):
     assert target.width == pytest.approx(1.1 * width) and target.turn == pytest.approx(math.radians(4))
 
 
+def test_the_camera_of_a_view_is_led_round_its_thing(camera):
+    """The thing stays at the same distance in the middle of what its camera sees, and that camera turns."""
+    eye = camera.scfpf.aim_targets[0].eye
+    box = bpy.data.objects["Box"]
+    middle = box.matrix_world @ (sum((Vector(corner) for corner in box.bound_box), Vector()) / 8)
+    start = eye.matrix_world.copy()
+    assert bpy.ops.scfpf.aim_drag(orbit=(math.radians(3), 0.0)) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    before, after = (matrix.inverted() @ middle for matrix in (start, eye.matrix_world))
+    assert (before - after).length < 1e-4
+    turned = start.to_quaternion().rotation_difference(eye.matrix_world.to_quaternion())
+    assert turned.angle == pytest.approx(math.radians(3), abs=1e-4)
+
+
+def test_the_buttons_turn_a_view_to_their_sides(camera):
+    """Left brings the camera to its left, and Up brings it higher."""
+    eye = camera.scfpf.aim_targets[0].eye
+    for side, (left, up) in {"Left": (0.17, 0.0), "Right": (-0.17, 0.0), "Up": (0.0, 0.17)}.items():
+        start = eye.matrix_world.copy()
+        assert bpy.ops.scfpf.aim_turn(left=left, up=up) == {"FINISHED"}
+        bpy.context.view_layer.update()
+        went = start.inverted() @ eye.matrix_world.translation
+        share = {"Left": -went.x, "Right": went.x, "Up": went.y}[side]
+        assert share > 0.9 * went.length, side
+
+
 def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monkeypatch):
     module, error = addon("operators.aim.drag"), addon("projection.user_error").UserError
     target, before = camera.scfpf.aim_targets[0], points_of(camera)
-    place = tuple(target.position)
+    place, eye = tuple(target.position), target.eye.matrix_world.copy()
 
     def refuse(_self, _depsgraph):
         raise error("Not taken, because of the test")
 
     monkeypatch.setattr(module.AimDrag, "finishing", refuse)
     with pytest.raises(RuntimeError, match="Not taken"):
-        bpy.ops.scfpf.aim_drag(shift=(0.2, 0.0))
-    assert tuple(target.position) == place
+        bpy.ops.scfpf.aim_drag(shift=(0.2, 0.0), orbit=(0.3, 0.1))
+    bpy.context.view_layer.update()
+    assert tuple(target.position) == place and target.eye.matrix_world == eye
     assert np.array_equal(points_of(camera), before)
 
 
@@ -79,13 +107,14 @@ def test_the_panel_shows_the_active_target_and_its_remedy(camera, place):
     record = drawn(section)
     assert ("list", "SCFPF_UL_aim") in record and ("operator", "scfpf.aim_solve") in record
     assert "24 of 24 points within 1.5 px" in texts(record)
-    assert ("operator", "scfpf.aim_turn") not in record
+    assert record.count(("operator", "scfpf.aim_turn")) == 4
     target = camera.scfpf.aim_targets[0]
     target.hidden, target.hidden_by, target.free_turn = 0.5, "Left Wall", (0.2, 0.0)
-    assert ("operator", "scfpf.aim_turn") in drawn(section)
+    assert drawn(section).count(("operator", "scfpf.aim_turn")) == 5
     bpy.ops.scfpf.aim_pin_add(camera=camera.name, point=(0, 0, 0), position=(0.5, 0.4))
     names = {entry[2] for entry in drawn(section) if entry[0] == "prop"}
     assert {"handle", "position", "use_direction"} <= names and "eye" not in names
+    assert ("operator", "scfpf.aim_turn") not in drawn(section)
     settings = drawn(getattr(bpy.types, f"SCFPF_PT_{place}_aim_settings"))
     assert {"columns", "rows", "degree"} <= {entry[2] for entry in settings if entry[0] == "prop"}
     camera.scfpf.aim_targets.clear()

@@ -14,7 +14,7 @@ class RecordingLayout:
 
     def __getattr__(self, name):
         if name in self.CONTAINERS:
-            return lambda **_options: RecordingLayout(self.record)
+            return lambda **_options: type(self)(self.record)
         if name.startswith("template_"):
             return lambda *_owner, **_options: self.record.append(("template", name))
         raise AttributeError(name)
@@ -36,10 +36,10 @@ class RecordingLayout:
         return Properties()
 
     def panel(self, _idname, **_options):
-        return RecordingLayout(self.record), RecordingLayout(self.record)
+        return type(self)(self.record), type(self)(self.record)
 
-    def operator_menu_enum(self, idname, prop, **_options):
-        properties = self.operator(idname)
+    def operator_menu_enum(self, idname, prop, **options):
+        properties = self.operator(idname, **options)
         setattr(properties, prop, None)
         return properties
 
@@ -68,11 +68,35 @@ class RecordingLayout:
         pass
 
 
+class NamingLayout(RecordingLayout):
+    """A layout that records the words that a user reads on buttons and menus, as labels.
+
+    A button with an icon alone has its name in its tooltip.
+    """
+
+    def operator(self, idname, text=None, **options):
+        self.record.append(("label", text or self._name_of(idname)))
+        return super().operator(idname, **options)
+
+    def menu(self, idname, text=None, **options):
+        self.record.append(("label", getattr(bpy.types, idname).bl_label if text is None else text))
+        super().menu(idname, **options)
+
+    def prop(self, owner, name, text=None, **options):
+        self.record.append(("label", owner.bl_rna.properties[name].name if text is None else text))
+        super().prop(owner, name, text, **options)
+
+    @staticmethod
+    def _name_of(idname):
+        module, name = idname.split(".")
+        return getattr(getattr(bpy.ops, module), name).get_rna_type().name
+
+
 class FakePanel:
     """A panel's Python side without Blender's."""
 
-    def __init__(self, cls):
-        self.cls, self.layout = cls, RecordingLayout()
+    def __init__(self, cls, layout=None):
+        self.cls, self.layout = cls, layout or RecordingLayout()
 
     def __getattr__(self, name):
         found = getattr(self.cls, name)

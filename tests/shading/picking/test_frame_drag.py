@@ -10,6 +10,7 @@ from scfpf_addon.shading.picking.frame_drag import FrameDrag
 from scfpf_addon.shading.picking.frame_handles import (
     BODY,
     LEAST_FACTOR,
+    ORBIT,
     SIZE,
     TURN,
     FrameChange,
@@ -63,6 +64,8 @@ def test_turns_and_sizes_snap():
         (TURN, "", "90", FrameChange((0.0, 0.0), 1.0, math.pi / 2)),
         (SIZE, "", "1,5", FrameChange((0.0, 0.0), 1.5, 0.0)),
         (SIZE, "", "0", FrameChange((0.0, 0.0), LEAST_FACTOR, 0.0)),
+        (ORBIT, "", "90", FrameChange(orbit=(math.pi / 2, 0.0))),
+        (ORBIT, "Y", "-45", FrameChange(orbit=(0.0, -math.pi / 4))),
     ],
 )
 def test_a_typed_number_counts_instead_of_the_mouse(part, axis, typed, expected):
@@ -73,8 +76,8 @@ def test_a_typed_number_counts_instead_of_the_mouse(part, axis, typed, expected)
         one.constrain(axis)
     for character in typed:
         one.type(character)
-    shift, *rest = one.change
-    assert (*shift, *rest) == pytest.approx((*expected.shift, *expected[1:]))
+    for found, wanted in zip(one.change, expected, strict=True):
+        assert found == pytest.approx(wanted)
     for _ in typed:
         one.type("\b")
     one.axis = ""
@@ -96,6 +99,20 @@ def test_arrows_turn_by_a_degree_and_scale_by_a_hundredth():
         size.nudge(0, 1)
     assert turn.change.turn == pytest.approx(math.radians(3))
     assert size.change.factor == pytest.approx(math.exp(0.03))
+
+
+def test_a_view_turns_in_space_by_arrows_steps_and_along_an_axis():
+    """The frame's half diagonal is 72.1 pixels: as many pixels are a radian."""
+    one = drag(ORBIT)
+    one.move(math.hypot(60.0, 40.0) * math.radians(33), math.hypot(60.0, 40.0) * math.radians(12))
+    assert one.change.orbit == pytest.approx((math.radians(33), -math.radians(12)))
+    one.nudge(1, -1)
+    assert one.change.orbit == pytest.approx((math.radians(34), -math.radians(11)))
+    one.constrain("X")
+    assert one.change.orbit == pytest.approx((math.radians(34), 0.0))
+    one.constrain("X")
+    one.is_snapped = True
+    assert one.change.orbit == pytest.approx((math.radians(35 + 1), -math.radians(10 - 1)))
 
 
 def test_another_part_begins_anew_where_the_mouse_is_and_a_pin_has_no_other():

@@ -10,7 +10,10 @@ import pytest
 from scfpf_addon.shading.picking.frame_handles import (
     BODY,
     LEAST_FACTOR,
+    ORBIT,
     REACH,
+    RING_GAP,
+    RING_REACH,
     SIZE,
     STALK,
     TURN,
@@ -96,12 +99,32 @@ def test_parts_are_hit_within_their_reach_and_the_body_inside_its_sides(frame):
         near, far = corner + 0.9 * REACH * scale * inwards, corner + 1.2 * REACH * scale * inwards
         assert frame.part_at(near.real, near.imag, scale) == part
         assert frame.part_at(far.real, far.imag, scale) == BODY
-        out = corner - 1.2 * REACH * scale * inwards
+        out = corner - (RING_GAP + 1.5 * RING_REACH) * scale * inwards
         assert frame.part_at(out.real, out.imag, scale) is None
     handle = frame.stalk(scale)[:, 1]
     assert frame.part_at(*handle, scale) == TURN
     beside = at(120.0 + 1.0, 10.0)
     assert frame.part_at(beside.real, beside.imag, 0.1) is None
+
+
+def test_the_ring_is_a_circle_around_the_corners(frame):
+    scale, middle, radius = 1.5, at(20.0, 10.0), math.hypot(100.0, 40.0)
+    ring = np.array([complex(*place) for place in frame.ring(scale).T])
+    assert np.abs(ring - middle) == pytest.approx(radius + RING_GAP * scale)
+    assert abs(ring.mean() - middle) < 1e-9
+    for off, part in ((0.0, ORBIT), (0.9, ORBIT), (-0.9, ORBIT), (1.1, None)):
+        place = middle + (radius + (RING_GAP + off * RING_REACH) * scale) * cmath.exp(0.1j)
+        assert frame.part_at(place.real, place.imag, scale) == part
+
+
+def test_on_the_ring_the_front_of_the_thing_follows_the_mouse(frame):
+    """Along the frame's own axes: to the right its eye goes left, and upwards its eye goes down."""
+    radius = math.hypot(100.0, 40.0)
+    start = at(130.0, 0.0)
+    end = start + complex(30.0, 12.0) * cmath.exp(1j * TURNED)
+    change = frame.dragged(ORBIT, plane(start), plane(end))
+    assert change.orbit == pytest.approx((30.0 / radius, -12.0 / radius))
+    assert (change.shift, change.factor, change.turn) == ((0.0, 0.0), 1.0, 0.0)
 
 
 def test_a_point_has_a_frame_that_cannot_be_scaled(frame):

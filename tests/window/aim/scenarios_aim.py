@@ -252,4 +252,35 @@ def a_corner_in_an_image_editor(driver):
     assert target.position[0] > place[0] and target.position[1] > place[1]
 
 
-SCENARIOS = (a_frame_is_dragged, a_drag_keeps_up, the_eye_is_turned, a_corner_in_an_image_editor)
+def the_ring_turns_the_thing(driver):
+    """The ring around the car's frame is dragged to the right: its eye goes left, and undo leads back."""
+    camera = yield from prepare(driver)
+    first = yield from picture(driver)
+    target = camera.scfpf.aim_targets[0]
+    start, region = target.eye.matrix_world.copy(), driver.region("VIEW_3D")
+    with driver.override():
+        shown = module("bridge.aim.shown_targets")
+        (found,) = shown.shown_targets(bpy.context, shown.shown_image(bpy.context))
+        ring = found.frame.ring(bpy.context.preferences.system.ui_scale)
+    side = np.array([region.x, region.y]) + ring[:, ring.shape[1] // 2]
+    yield from drag_mouse(driver, side, side + np.array([30, 0]), "ring")
+    yield STEP
+    yield from solved(driver)
+    driver.shot("turned")
+    eye = bpy.context.scene.camera.scfpf.aim_targets[0].eye
+    went = start.inverted() @ eye.matrix_world.translation
+    assert went.x < -1.0 and abs(went.y) < 0.2 * abs(went.x), f"the eye went to {went[:]}"
+    assert np.abs((yield from picture(driver)) - first).mean() > MOVED, "the image is as before"
+    undo(driver)
+    yield from settled()
+    eye = bpy.context.scene.camera.scfpf.aim_targets[0].eye
+    assert np.allclose(eye.matrix_world, start, atol=1e-5), "undo leaves the eye where it was led"
+
+
+SCENARIOS = (
+    a_frame_is_dragged,
+    a_drag_keeps_up,
+    the_eye_is_turned,
+    the_ring_turns_the_thing,
+    a_corner_in_an_image_editor,
+)
