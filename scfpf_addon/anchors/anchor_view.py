@@ -25,12 +25,24 @@ class AnchorView:
     """An anchor and what it sees.
 
     depth: (H, W) float32, row 0 at the bottom, the distances along its axis of what the caster meets in its
-    pixels' centres, inf for nothing. strength: in (0, 1], below 1 for an anchor that fades in or out.
+    pixels' centres, inf for nothing.
     """
 
     anchor: Anchor
     depth: Single
-    strength: float = 1.0
+
+
+@dataclass(frozen=True)
+class ViewSet:
+    """Anchors, by their numbers, whose colours are mixed; a picture may be a mixture of several sets.
+
+    first: are asked for all points. rest: for points that none of the first shows. share: of the set in the
+    picture.
+    """
+
+    first: tuple[int, ...]
+    rest: tuple[int, ...] = ()
+    share: float = 1.0
 
 
 def traced_depth(scene: CastScene, anchor: Anchor) -> Single:
@@ -65,6 +77,18 @@ def traced_views(scene: CastScene, anchors: Sequence[Anchor], threads: int = 0) 
 
     run_tiles(work, [slice(k, k + 1) for k in range(len(anchors))], threads, finished)
     return [AnchorView(anchor, found[k]) for k, anchor in enumerate(anchors)]
+
+
+def without_unused(
+    views: Sequence[AnchorView], sets: Sequence[ViewSet]
+) -> tuple[list[AnchorView], list[ViewSet]]:
+    """Leave out the views that no set has; their sets name the others."""
+    used = sorted({number for own in sets for number in (*own.first, *own.rest)})
+    places = {number: place for place, number in enumerate(used)}
+    first = [tuple(places[number] for number in own.first) for own in sets]
+    rest = [tuple(places[number] for number in own.rest) for own in sets]
+    kept = [ViewSet(*each) for each in zip(first, rest, (own.share for own in sets), strict=True)]
+    return [views[number] for number in used], kept
 
 
 class Placed(NamedTuple):

@@ -18,8 +18,8 @@ from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.typing import Array, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor
-from .anchor_view import AnchorView, traced_views
-from .join import find_texels
+from .anchor_view import AnchorView, ViewSet, traced_views
+from .join import asked, find_texels
 from .plan import Camera, CameraOfPart, Cover, PlanLimits, camera_matrix, looking_along
 from .shown_points import ShownPoints, joined_points, shown_points
 
@@ -38,16 +38,17 @@ NEAR = (1.5, 4.0)
 
 
 @dataclass(frozen=True)
-class CompletedViews:
-    """What all anchors see. shown: the share of the pixels' centres on things that one of them shows."""
+class CompletedSet:
+    """The views of an image's anchors.
 
-    views: tuple[AnchorView, ...]
+    views: of those before, and of further ones. own: the set of all that have a share in a pixel. added: the
+    further anchors. shown: the share of the pixels' centres on things that one of them shows.
+    """
+
+    views: list[AnchorView]
+    own: ViewSet
+    added: tuple[Anchor, ...]
     shown: float
-
-    @property
-    def anchors(self) -> tuple[Anchor, ...]:
-        """The anchors."""
-        return tuple(view.anchor for view in self.views)
 
 
 def completed(
@@ -55,61 +56,76 @@ def completed(
     projection: Projection,
     size: tuple[int, int],
     views: Sequence[AnchorView],
-    limits: PlanLimits,
+    own: ViewSet | None = None,
+    limits: PlanLimits | None = None,
     threads: int = 0,
-) -> CompletedViews:
-    """Add anchors for the pixels of an image that none shows.
+) -> CompletedSet:
+    """Add anchors for the pixels of an image that none shows, and leave out those that show nothing.
 
-    projection: in world space. size: of the image in pixels. threads: 0 for all cores. Raises CastError,
-    Cancelled and UserError.
+    projection: in world space. size: of the image in pixels. own: the set of its anchors, by default all of
+    the views; further ones are in its rest. threads: 0 for all cores. Raises CastError and Cancelled.
     """
-    views = list(views)
-    left, count = unanswered(scene, projection, size, views, limits, threads)
-    own = replace(limits, angle=ANGLE, texels=TEXELS, most=MOST)
+    limits, views = limits or PlanLimits(), list(views)
+    own = own or ViewSet(tuple(range(len(views))))
+    left, count, own = looked_through(scene, projection, size, views, own, limits, threads)
+    nearer = replace(limits, angle=ANGLE, texels=TEXELS, most=MOST)
     least = max(LEAST_GAIN * count, LEAST_POINTS)
     added: list[Anchor] = []
     for _ in range(ROUNDS):
         if len(left.number) <= ENOUGH * count:
             break
-        found = Cover(scene, size, own).chosen(added, left, _cameras(left), ENOUGH * count, least)
+        found = Cover([scene], size, nearer).chosen(added, left, _cameras(left), ENOUGH * count, least)
         new = traced_views(scene, found[len(added) :], threads)
         if not new:
             break
-        added, views = found, [*views, *new]
+        numbers = range(len(views), len(views) + len(new))
+        added, views, own = found, [*views, *new], replace(own, rest=(*own.rest, *numbers))
         left = left.take(np.flatnonzero(find_texels(left, new, limits.angle).is_hole))
-    return CompletedViews(tuple(views), 1.0 - len(left.number) / max(count, 1))
+    return CompletedSet(views, own, tuple(added), 1.0 - len(left.number) / max(count, 1))
 
 
-def unanswered(
+def looked_through(
     scene: CastScene,
     projection: Projection,
     size: tuple[int, int],
     views: Sequence[AnchorView],
+    own: ViewSet,
     limits: PlanLimits,
     threads: int = 0,
-) -> tuple[ShownPoints, int]:
-    """Points on things in the pixels of an image that no anchor shows, and the number of all on things."""
+) -> tuple[ShownPoints, int, ViewSet]:
+    """Look up all pixels of an image in a set of anchors.
+
+    Returns the points on things that no anchor shows, the number of all on things, and those of the set that
+    have a share in any.
+    """
     width, height = (max(1, round(side * min(1.0, MOST_COLUMNS / max(size)))) for side in size)
     pixel_size = 1.0 / size[0], 1.0 / size[1]
     found: dict[int, tuple[ShownPoints, int]] = {}
+    is_used = np.zeros(len(views), bool)
 
-    def work(job: TileJob) -> tuple[ShownPoints, int]:
-        """The points of a tile that no anchor shows, and the number of all."""
+    def work(job: TileJob) -> tuple[ShownPoints, int, list[int]]:
+        """The same of a tile, with the numbers of the anchors that have a share."""
         rows = np.arange(job.rows.start, job.rows.stop)
         x = np.tile((np.arange(width) + 0.5) / width, len(rows))
         y = np.repeat((rows + 0.5) / height, width)
         points = shown_points(scene, projection, x, y, pixel_size)
         points = points.take(np.flatnonzero(points.is_hit))
-        holes = find_texels(points, views, limits.angle).is_hole
-        return points.take(np.flatnonzero(holes)), len(holes)
+        left, used = np.arange(len(points.number)), []
+        for shares, which, numbers in asked(points, views, own, limits.angle):
+            left = which[shares.is_hole]
+            used += np.asarray(numbers)[shares.used(len(numbers))].tolist()
+        return points.take(left), len(points.number), used
 
-    def finished(rows: slice, made: tuple[ShownPoints, int]) -> None:
+    def finished(rows: slice, made: tuple[ShownPoints, int, list[int]]) -> None:
         """Keep what is left of a tile."""
-        found[rows.start] = made
+        found[rows.start] = made[:2]
+        is_used[made[2]] = True
 
     run_tiles(work, image_tiles(width, height), threads, finished)
     parts = [found[start] for start in sorted(found)]
-    return joined_points([points for points, _ in parts]), sum(count for _, count in parts)
+    first, rest = (tuple(number for number in part if is_used[number]) for part in (own.first, own.rest))
+    left = joined_points([points for points, _ in parts])
+    return left, sum(count for _, count in parts), replace(own, first=first, rest=rest)
 
 
 def _cameras(points: ShownPoints) -> Iterator[CameraOfPart]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..casting.common.cancellation import raise_if_cancelled
 from ..projection.typing import BoolArray, IndexArray
 from ..shading.typing import Single
-from .anchor_view import AnchorView, placed
+from .anchor_view import AnchorView, ViewSet, placed
 from .ranks import MOST_ANCHORS, NO_RANK, Ranks, penalties_of, ranked
 from .shown_points import ShownPoints
 from .texels import FOUR, LEAST_SHARE, Texels, fade_of, texels
@@ -30,6 +30,8 @@ SHARERS = 3
 PLACES = SHARERS + 1
 # Anchors at one eye differ by rounding only: weights fall to 0 at this angle at the least, radians.
 LEAST_BOUND = 1e-3
+# A share that changes no pixel by more than a step of 255 is not seen.
+LEAST_SEEN = 1.0 / 255.0
 # The least weight of the best anchor, which may have no other to fade to.
 LEAST_WEIGHT = 1e-4
 
@@ -54,11 +56,10 @@ class TexelShares:
         return hole
 
     def used(self, count: int) -> BoolArray:
-        """Return which of so many anchors have a share in any point, (count,)."""
-        found = np.zeros(count + 1, bool)
-        has_share = self.shares.any(axis=1)
-        found[self.number[has_share]] = True
-        return found[:count]
+        """Return which of so many anchors have a share in any point that could be seen, (count,)."""
+        found = np.zeros(count, bool)
+        found[self.number[self.shares.max(axis=1) > LEAST_SEEN]] = True
+        return found
 
     def colors(self, pictures: Sequence[Single]) -> Single:
         """The colours (N, C) of the points in the pictures (H, W, C) of the anchors, 0 in holes."""
@@ -99,6 +100,42 @@ def find_texels(points: ShownPoints, views: Sequence[AnchorView], angle: float) 
             is_asked = (rank != NO_RANK) & (search.taken[left] == 0)
             search.ask(left[is_asked], rank[is_asked], beside=True)
     return search.weighed(angle)
+
+
+def asked(
+    points: ShownPoints, views: Sequence[AnchorView], own: ViewSet, angle: float
+) -> Iterator[tuple[TexelShares, IndexArray, tuple[int, ...]]]:
+    """Yield the pixels of a set's anchors, the numbers (n,) of the points, and those of the anchors asked."""
+    which = np.arange(len(points.number))
+    for numbers in (own.first, own.rest):
+        if numbers and len(which):
+            found = find_texels(points.take(which), [views[number] for number in numbers], angle)
+            yield found, which, numbers
+            which = which[found.is_hole]
+
+
+def join(
+    points: ShownPoints,
+    views: Sequence[AnchorView],
+    sets: Sequence[ViewSet],
+    pictures: Sequence[Single],
+    angle: float,
+) -> tuple[Single, BoolArray]:
+    """The colours (N, C) of points that are on things, and which no anchor shows, (N,).
+
+    sets: of the views. pictures: (H, W, C) of each view. angle: as for ``find_texels``.
+    """
+    count = len(points.number)
+    channels = pictures[0].shape[2] if pictures else 4
+    total, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
+    for own in sets:
+        for found, which, numbers in asked(points, views, own, angle):
+            shown = which[~found.is_hole]
+            total[which] += np.float32(own.share) * found.colors([pictures[number] for number in numbers])
+            weight[shown] += np.float32(own.share)
+    is_hole = weight <= 0.0
+    total /= np.where(is_hole, np.float32(1.0), weight)[:, None]
+    return total, is_hole
 
 
 class _Search:
@@ -159,9 +196,8 @@ class _Search:
         weight[0] = np.maximum(weight[0], np.float32(LEAST_WEIGHT))
         weight[found.number < 0] = 0.0
         weight[SHARERS] = 0.0
-        strength = np.array([view.strength for view in self._views] + [0.0], np.float32)
         shares = found.shares
-        shares *= (weight * strength[found.number])[:, None]
+        shares *= weight[:, None]
         total = shares.sum(axis=(0, 1))
         shares /= np.where(total > 0.0, total, np.float32(1.0))
         return found

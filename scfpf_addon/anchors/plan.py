@@ -47,6 +47,8 @@ LEAST_COSINE, SHARE_OF_COSINE = 0.05, 0.4
 FIXED_COST = 1.5
 # An anchor that adds less than this share of the points is not worth a render.
 LEAST_GAIN = 2e-4
+# An anchor of frames before that adds less than this share of the points is not rendered on.
+LEAST_KEPT = 5e-3
 # The window of an anchor is wider than the points looked at by so many of its pixels and by this share of it
 # on each side, for what lies between and beside them; things are rendered from this share before the nearest.
 MARGIN, GROWN, BEFORE = 3.0, 0.04, 0.01
@@ -104,32 +106,42 @@ class _Candidate:
 
 
 def plan_anchors(
-    scene: CastScene,
+    scenes: Sequence[CastScene],
     projections: Sequence[Projection],
     size: tuple[int, int],
     axes: Array,
     limits: PlanLimits | None = None,
+    kept: Sequence[Anchor] = (),
 ) -> AnchorPlan:
     """Plan the anchors of an image, or of some frames of a shot.
 
-    projections: in world space, of one or more frames. size: of the image in pixels. axes: (3, 3), right, up
-    and back of its camera. Raises CastError and Cancelled.
+    scenes: of each frame. projections: of each, in world space. size: of the image in pixels. axes: (3, 3),
+    right, up and back of its camera. kept: anchors of other frames, of which those are taken that serve.
+    Raises CastError and Cancelled.
     """
     limits = limits or PlanLimits()
-    points = _looked_at(scene, projections, size, COLUMNS)
+    points = _looked_at(scenes, projections, size, COLUMNS)
     if not len(points.number):
         return AnchorPlan((), 1.0, 0.0, False)
     eye = common_eye(points)
     if eye is not None:
         anchors = _from_one_eye(points, eye, axes, size, limits)
-        return _plan(scene, anchors, points, size, limits, True)
+        return _plan(scenes, anchors, points, size, limits, True)
     points = points.take(np.flatnonzero(points.is_hit))
-    cover = Cover(scene, size, limits)
-    anchors = cover.extended((), points)
-    more = _looked_at(scene, projections, size, MORE_COLUMNS)
+    cover = Cover(scenes, size, limits)
+    anchors = cover.extended(cover.serving(kept, points), points)
+    more = _looked_at(scenes, projections, size, MORE_COLUMNS)
     more = more.take(np.flatnonzero(more.is_hit))
     anchors = cover.extended(anchors, more)
-    return _plan(scene, anchors, more, size, limits, False)
+    return _plan(scenes, anchors, more, size, limits, False)
+
+
+def have_one_eye(
+    scenes: Sequence[CastScene], projections: Sequence[Projection], size: tuple[int, int]
+) -> bool:
+    """Return whether all projectors of each frame come from one point."""
+    looked = zip(scenes, projections, strict=True)
+    return all(common_eye(_looked_at([scene], [each], size, COLUMNS)) is not None for scene, each in looked)
 
 
 def sky_anchors(
@@ -144,7 +156,7 @@ def sky_anchors(
 
 def sky_points(scene: CastScene, projection: Projection, size: tuple[int, int]) -> ShownPoints:
     """Return the points whose projectors meet no thing, of a grid over the image."""
-    points = _looked_at(scene, [projection], size, COLUMNS)
+    points = _looked_at([scene], [projection], size, COLUMNS)
     return points.take(np.flatnonzero(~points.is_hit))
 
 
@@ -156,7 +168,7 @@ def at_infinity(points: ShownPoints, eye: Array) -> ShownPoints:
 
 
 def _plan(
-    scene: CastScene,
+    scenes: Sequence[CastScene],
     anchors: Sequence[Anchor],
     points: ShownPoints,
     size: tuple[int, int],
@@ -166,13 +178,13 @@ def _plan(
     points = points.take(np.flatnonzero(points.is_hit))
     seen = np.zeros(len(points.number), bool)
     for anchor in anchors:
-        seen |= _unhidden(scene, anchor, points, serves(anchor, points, limits))
+        seen |= _unhidden(scenes, anchor, points, serves(anchor, points, limits))
     pixels = sum(anchor.count for anchor in anchors) / (size[0] * size[1])
     return AnchorPlan(tuple(anchors), float(seen.mean()) if len(seen) else 1.0, pixels, is_one_eye)
 
 
 def _looked_at(
-    scene: CastScene, projections: Sequence[Projection], size: tuple[int, int], columns: int
+    scenes: Sequence[CastScene], projections: Sequence[Projection], size: tuple[int, int], columns: int
 ) -> ShownPoints:
     """The points that images show at positions of a grid. number: of the position in the grid."""
     longer = max(size)
@@ -181,9 +193,10 @@ def _looked_at(
     x, y = (grid.ravel() for grid in np.meshgrid(*sides))
     pixel_size = 1.0 / size[0], 1.0 / size[1]
     found = []
-    for projection in projections:
+    for frame, (scene, projection) in enumerate(zip(scenes, projections, strict=True)):
         raise_if_cancelled()
-        found.append(shown_points(scene, projection, x, y, pixel_size))
+        points = shown_points(scene, projection, x, y, pixel_size)
+        found.append(points._replace(frame=points.frame + frame))
     return joined_points(found)
 
 
@@ -299,33 +312,55 @@ def serves(anchor: Anchor, points: ShownPoints, limits: PlanLimits) -> BoolArray
     return seen
 
 
-def _unhidden(scene: CastScene, anchor: Anchor, points: ShownPoints, sees: BoolArray) -> BoolArray:
+def _unhidden(scenes: Sequence[CastScene], anchor: Anchor, points: ShownPoints, sees: BoolArray) -> BoolArray:
     """Return which of the points that an anchor serves, (N,), it sees, (N,)."""
-    which = np.flatnonzero(sees)
-    position = points.position.take(which, 1)
-    depth = anchor.places(position).depth
-    back = -anchor.directions(position)
-    cosine = 1.0 if anchor.is_parallel else -(anchor.matrix[:3, 2] @ -back)
-    distance = (depth - anchor.start) / np.maximum(cosine, 1e-6)
-    inside = (position - scene.centre[:, None]) * scene.scale
-    origin = scene.offset_origins(inside, points.triangle.take(which), back)
     seen = np.zeros(len(sees), bool)
-    seen[which] = ~scene.occluded(origin, back, distance * scene.scale)
+    for frame, scene in enumerate(scenes):
+        which = np.flatnonzero(sees & (points.frame == frame))
+        if not len(which):
+            continue
+        position = points.position.take(which, 1)
+        depth = anchor.places(position).depth
+        back = -anchor.directions(position)
+        cosine = 1.0 if anchor.is_parallel else -(anchor.matrix[:3, 2] @ -back)
+        distance = (depth - anchor.start) / np.maximum(cosine, 1e-6)
+        inside = (position - scene.centre[:, None]) * scene.scale
+        origin = scene.offset_origins(inside, points.triangle.take(which), back)
+        seen[which] = ~scene.occluded(origin, back, distance * scene.scale)
     return seen
 
 
 class Cover:
-    """The greedy choice of anchors. size: of the image in pixels."""
+    """The greedy choice of anchors. scenes: of each frame of the points. size: of the image in pixels."""
 
-    def __init__(self, scene: CastScene, size: tuple[int, int], limits: PlanLimits) -> None:
-        self._scene, self._size, self._limits = scene, size, limits
+    def __init__(self, scenes: Sequence[CastScene], size: tuple[int, int], limits: PlanLimits) -> None:
+        self._scenes, self._size, self._limits = scenes, size, limits
+
+    def serving(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
+        """The anchors that add enough to each other for points (N,) to be rendered on."""
+        left = np.ones(len(points.number), bool)
+        waiting = [(anchor, self._sees(anchor, points)) for anchor in anchors]
+        chosen: list[Anchor] = []
+        while waiting:
+            gains = [np.count_nonzero(sees & left) for _, sees in waiting]
+            best = int(np.argmax(gains))
+            if gains[best] < LEAST_KEPT * len(left):
+                break
+            anchor, sees = waiting.pop(best)
+            chosen.append(anchor)
+            left &= ~sees
+        return chosen
+
+    def _sees(self, anchor: Anchor, points: ShownPoints) -> BoolArray:
+        """Return which points an anchor serves and sees, (N,)."""
+        return _unhidden(self._scenes, anchor, points, serves(anchor, points, self._limits))
 
     def extended(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
         """The anchors, and further ones for points (N,) that none of them sees."""
         count = len(points.number)
         left = np.ones(count, bool)
         for anchor in anchors:
-            left &= ~_unhidden(self._scene, anchor, points, serves(anchor, points, self._limits))
+            left &= ~self._sees(anchor, points)
         points = points.take(np.flatnonzero(left))
         cameras = (
             (part, camera) for part in _parts(points, self._size) for camera in _cameras(points.take(part))
@@ -360,8 +395,7 @@ class Cover:
                 continue
             trimmed = self._trimmed(best, points, gain)
             chosen.append(trimmed)
-            seen = _unhidden(self._scene, trimmed, points, serves(trimmed, points, self._limits))
-            left &= ~(seen | gain)
+            left &= ~(self._sees(trimmed, points) | gain)
         return chosen
 
     def _best(self, candidates: list[_Candidate], left: BoolArray, points: ShownPoints) -> _Candidate:
@@ -373,7 +407,7 @@ class Cover:
             best = candidates[first]
             if best.is_checked:
                 return best
-            best.sees = _unhidden(self._scene, best.anchor, points, best.sees)
+            best.sees = _unhidden(self._scenes, best.anchor, points, best.sees)
             best.is_checked = True
             gains[first] = np.count_nonzero(best.sees & left) / costs[first]
 

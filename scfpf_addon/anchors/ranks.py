@@ -21,8 +21,6 @@ from .shown_points import ShownPoints
 
 # An anchor whose pixels are as large as the image's counts as much worse as one whose ray is so far off.
 COARSE_ANGLE = float(np.radians(10.0))
-# So does an anchor of half the strength.
-WEAK_ANGLE = float(np.radians(20.0))
 # The least cosine between an anchor's ray and a normal.
 LEAST_COSINE = 0.02
 # Points that are tested against an anchor's window at once, by the sphere around them.
@@ -77,8 +75,6 @@ def ranked(points: ShownPoints, views: Sequence[AnchorView], after: Ranks, place
         penalty = np.sqrt((ray * ray).sum(axis=0))
         coarse = at.side.take(inside) / length.take(which) - np.float32(1.0)
         penalty += np.float32(COARSE_ANGLE) * np.maximum(coarse, np.float32(0.0))
-        if view.strength < 1.0:
-            penalty += np.float32(WEAK_ANGLE * (1.0 / view.strength - 1.0))
         # No rank is 0, after which all come.
         rank = np.minimum(penalty * np.float32(1.0 / STEP), np.float32(1 << 21)).astype(np.uint32) + ONE
         rank = (rank << np.uint32(NUMBER_BITS)) | np.uint32(number)

@@ -22,7 +22,8 @@ class ShownPoints(NamedTuple):
     projectors begin. direction: (3, N) unit, in
     which projectors arrive. normal: (3, N) unit, of the side that is seen, 0 where nothing is met. length:
     (N,), the side of the image's pixel there, in world units. triangle: (N,) int, -1 where nothing is met.
-    number: (N,), of the image position.
+    place: (2, N), the image positions, in [0, 1].
+    number: (N,), of the image position. frame: (N,), of the picture, of several.
     """
 
     position: Array
@@ -33,6 +34,7 @@ class ShownPoints(NamedTuple):
     triangle: IndexArray
     place: Array
     number: IndexArray
+    frame: IndexArray
 
     @property
     def is_hit(self) -> BoolArray:
@@ -77,7 +79,8 @@ def shown_points(
     length = _lengths(projection, place, np.where(is_hit, t, 1.0), direction, pixel_size)
     first = projection.volume.spans.weights(np.zeros(1))[0][:, 0]
     begin = np.einsum("k,kcn->cn", first, projection.projectors(*place).points)
-    return ShownPoints(position, begin, direction, normal, length, triangle, place, kept)
+    frame = np.zeros(len(kept), np.intp)
+    return ShownPoints(position, begin, direction, normal, length, triangle, place, kept, frame)
 
 
 def _lengths(

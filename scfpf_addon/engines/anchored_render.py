@@ -3,33 +3,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ..anchors.anchor import Anchor
-from ..anchors.anchor_view import AnchorView, traced_views
+from ..anchors.anchor_view import AnchorView, ViewSet, traced_views, without_unused
 from ..anchors.completion import completed
-from ..anchors.join import find_texels, join_sky
-from ..anchors.plan import AnchorPlan, PlanLimits, plan_anchors, sky_anchors, sky_points
-from ..anchors.shown_points import shown_points
+from ..anchors.join import join_sky
+from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
+from ..anchors.shot import AnchorSet, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
 from ..bridge.scene.read_visibility import rendered_objects
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
-from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..cycles.engine_choice import engine_name
 from ..cycles.layers.exr_passes import Pass, read_passes
 from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
-from ..shading.frame import render_frame
-from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
+from .joined_tiles import Pictures, joined_pixels
 
 COMBINED = "Combined"
+# What of a geometry rays meet.
+SHAPE = ("vertices", "triangles", "visibility")
 # The largest radiance that is taken from an engine's pixels.
 LARGEST = 1e6
 NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
@@ -41,27 +40,21 @@ AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not
 FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
 
 
-@dataclass
-class Pictures:
-    """The pictures of anchors. colors: (H, W, 4) float32 each, row 0 at the bottom."""
-
-    views: list[AnchorView]
-    colors: list[Single] = field(default_factory=list)
-
-
 class AnchoredRender:
     """One picture: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
 
     passes: none. warnings: what it does not show as asked. total: the number of its renders, once known.
     """
 
-    def __init__(self, passing: AnchorScene) -> None:
-        self._passing = passing
+    def __init__(
+        self, passing: AnchorScene, shot: Shot | None = None, frames: Sequence[int] = (), place: int = 0
+    ) -> None:
+        """shot: of an animation. frames: all of it. place: in these, of the picture's."""
+        self._passing, self._shot, self._frames, self._place = passing, shot, frames, place
         self.warnings: list[str] = []
         self.pixels: Single | None = None
         self.passes: dict[str, Pass] = {}
         self.total = 0
-        self.plan: AnchorPlan | None = None
 
     def steps(self, camera) -> Iterator[str]:
         """Yield the name of what is to be rendered: the caller has Blender render the passing scene.
@@ -75,19 +68,13 @@ class AnchoredRender:
             yield Message("the camera's own view")
             self.pixels = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
             return
-        del camera
-        geometry, settings = inputs.scene.geometry, inputs.settings
+        settings = inputs.settings
         size = settings.width, settings.height
-        cast_scene = CastScene(geometry.vertices, geometry.triangles)
-        shown = cast_scene.only(visible_to(geometry.visibility, CAMERA))
-        if shown is None:
-            raise UserError(NOTHING)
-        self.plan = plan_anchors(shown, [inputs.projection], size, axes, PlanLimits())
-        views = traced_views(shown, self.plan.anchors, settings.threads)
-        done = completed(shown, inputs.projection, size, views, PlanLimits(), settings.threads)
-        seen = Pictures(list(done.views))
+        shown = _shown(inputs)
+        seen, is_one_eye = self._planned(shown, inputs, axes, camera)
+        del camera
         sky: list[Anchor] = []
-        if not settings.transparent and not self.plan.is_one_eye:
+        if not settings.transparent and not is_one_eye:
             sky = sky_anchors(shown, inputs.projection, size, axes, PlanLimits())
         self.total = len(seen.views) + len(sky)
         self.warnings += self._cautions(settings.depth_of_field is not None)
@@ -95,7 +82,7 @@ class AnchoredRender:
             color = yield from self._rendered(view.anchor)
             seen.colors.append(color)
         # Beyond the far surface an anchor may see things where the picture shows the sky.
-        if not settings.transparent and self.plan.is_one_eye:
+        if not settings.transparent and is_one_eye:
             sky = lacking_sky(shown, inputs.projection, size, axes, seen)
             self.total += len(sky)
         if sky:
@@ -105,7 +92,9 @@ class AnchoredRender:
         for anchor in sky:
             color = yield from self._rendered(anchor)
             worlds.colors.append(color)
-        self.pixels = self._joined(inputs, shown, seen, worlds if sky else seen)
+        self.pixels, holes = joined_pixels(inputs, shown, seen, worlds if sky else seen)
+        if holes:
+            self.warnings.append(Message(HOLES, holes, len(seen.views)))
 
     def _read(self, camera) -> tuple[RenderInputs, np.ndarray]:
         """The inputs of the picture, and the axes (3, 3) of its camera. Raises USER_ERRORS."""
@@ -122,6 +111,55 @@ class AnchoredRender:
         if inputs.projection.layers:
             raise UserError(LAYERS, engine_name(scene))
         return inputs, axes
+
+    def _planned(
+        self, shown: CastScene, inputs: RenderInputs, axes: np.ndarray, camera
+    ) -> tuple[Pictures, bool]:
+        """The views of the picture's anchors without colors, and whether all its projectors have one eye."""
+        settings, projection = inputs.settings, inputs.projection
+        size, threads = (settings.width, settings.height), settings.threads
+        if self._shot is not None and (sets := self._sets_of_shot(self._shot, shown, inputs, axes, camera)):
+            views, own, added = completed_sets(shown, projection, size, sets, threads)
+            self._shot.add(added)
+            return Pictures(views, own), False
+        plan = plan_anchors([shown], [projection], size, axes)
+        done = completed(shown, projection, size, traced_views(shown, plan.anchors, threads), threads=threads)
+        # A still picture is the better for what was made for its smallest parts.
+        every = ViewSet((*done.own.first, *done.own.rest))
+        return Pictures(*without_unused(done.views, [every])), plan.is_one_eye
+
+    def _sets_of_shot(
+        self, shot: Shot, shown: CastScene, inputs: RenderInputs, axes: np.ndarray, camera
+    ) -> list[AnchorSet]:
+        """The sets of anchors that a shot has for the picture, [] if it has none."""
+        if needed := shot.needs(self._place):
+            there = self._read_frames(camera, [self._frames[place] for place in needed[1:]])
+            projections = [inputs.projection, *(each.projection for each in there)]
+            still = inputs.scene.geometry
+            scenes = [shown]
+            for each in there:
+                pairs = ((getattr(each.scene.geometry, name), getattr(still, name)) for name in SHAPE)
+                is_same = all(np.array_equal(one, other) for one, other in pairs)
+                scenes.append(shown if is_same else _shown(each))
+            size = inputs.settings.width, inputs.settings.height
+            shot.plan(self._place, scenes, projections, size, axes)
+        return shot.sets(self._place)
+
+    def _read_frames(self, camera, frames: Sequence[int]) -> list[RenderInputs]:
+        """The inputs of other frames. Raises USER_ERRORS."""
+        scene = self._passing.scene
+        size = ready_size(scene, camera)
+        present = scene.frame_current
+
+        def read(depsgraph, set_frame):
+            found = []
+            for frame in frames:
+                set_frame(frame, subframe=0.0)
+                found.append(read_inputs(depsgraph, camera, size))
+            set_frame(present, subframe=0.0)
+            return found
+
+        return with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
 
     def _cautions(self, has_lens: bool) -> list[str]:
         """Name what the picture does not show as the scene says."""
@@ -141,57 +179,15 @@ class AnchoredRender:
         np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
         return self._passing.kept(color)
 
-    def _joined(
-        self,
-        inputs: RenderInputs,
-        scene: CastScene,
-        seen: Pictures,
-        worlds: Pictures,
-    ) -> Single:
-        settings, projection = inputs.settings, inputs.projection
-        width, height, angle = settings.width, settings.height, PlanLimits().angle
-        positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
-        pixel_size = 1.0 / width, 1.0 / height
-        pixels = np.zeros((height, width, 4), np.float32)
-        holes = np.zeros((height, width), bool)
 
-        def work(job: TileJob) -> tuple[Single, np.ndarray]:
-            """The colours (n, 4) of the pixels of a tile, and which of them have none."""
-            count = (job.rows.stop - job.rows.start) * width
-            color, weight = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
-            for sample in range(settings.samples):
-                x, y = positions.of_rows(job.rows, sample)
-                points = shown_points(scene, projection, x, y, pixel_size, settings.pixel_error)
-                # Where there is no projector, the picture shows nothing.
-                present = np.zeros(count, bool)
-                present[points.number] = True
-                weight[~present] += 1.0
-                things = points.take(np.flatnonzero(points.is_hit))
-                found = find_texels(things, seen.views, angle)
-                color[things.number] += found.colors(seen.colors)
-                weight[things.number] += ~found.is_hole
-                if settings.transparent:
-                    weight[points.number[~points.is_hit]] += 1.0
-                else:
-                    beyond = points.take(np.flatnonzero(~points.is_hit))
-                    own, lacks = join_sky(beyond, worlds.views, worlds.colors)
-                    color[beyond.number] += own
-                    weight[beyond.number] += ~lacks
-            empty = weight <= 0.0
-            return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
-
-        def finished(rows: slice, made: tuple[Single, np.ndarray]) -> None:
-            """Write a tile into the picture."""
-            pixels[rows] = made[0].reshape(-1, width, 4)
-            holes[rows] = made[1].reshape(-1, width)
-
-        run_tiles(work, image_tiles(width, height), settings.threads, finished)
-        if holes.any():
-            frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
-            if frame is not None:
-                pixels[holes] = frame.pixels[holes]
-            self.warnings.append(Message(HOLES, float(holes.mean()), len(seen.views)))
-        return pixels
+def _shown(inputs: RenderInputs) -> CastScene:
+    """What the camera sees of a scene. Raises CastError, and UserError if it is nothing."""
+    geometry = inputs.scene.geometry
+    scene = CastScene(geometry.vertices, geometry.triangles)
+    shown = scene.only(visible_to(geometry.visibility, CAMERA))
+    if shown is None:
+        raise UserError(NOTHING)
+    return shown
 
 
 def lacking_sky(

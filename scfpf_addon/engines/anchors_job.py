@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..anchors.shot import Shot
 from ..bridge.blender.user_errors import USER_ERRORS, reason
 from ..bridge.render import command_line
 from ..bridge.render.render_engine import ENGINE
@@ -28,6 +29,8 @@ class AnchorsJob(LayersJob):
         """renderer: the identifier of a render engine, empty for the scene's own. Raises USER_ERRORS."""
         self._renderer = renderer or context.scene.render.engine
         super().__init__(context, camera, frames, path)
+        self._all_frames = [*self._frames]
+        self._shot = Shot(len(self._all_frames))
 
     def require(self, scene) -> None:
         """Raise UserError if the engine is our own."""
@@ -38,7 +41,10 @@ class AnchorsJob(LayersJob):
         """The temporary scene of one picture, which has its name, and the picture's renders."""
         passing = AnchorScene(scene, view_layer, self._renderer)
         self.engine = engine_name(passing.scene)
-        return passing, AnchoredRender(passing)
+        if not self._is_animation:
+            return passing, AnchoredRender(passing)
+        place = self._all_frames.index(scene.frame_current)
+        return passing, AnchoredRender(passing, self._shot, self._all_frames, place)
 
 
 def render_anchors(

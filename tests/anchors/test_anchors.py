@@ -95,7 +95,7 @@ def pictures_of(views):
 
 def joined(scene, projection, size=SIZE):
     """The plan, how far joined positions are off in pixels of the image, and the share of holes."""
-    plan = plan_anchors(scene, [projection], size, AXES)
+    plan = plan_anchors([scene], [projection], size, AXES)
     return plan, *looked_up(scene, projection, size, traced_views(scene, plan.anchors))
 
 
@@ -149,8 +149,8 @@ def test_positions_of_presets_after_completion(name):
     """At all pixels: holes are 0.05 % at most, and 99.5 % of positions are within half a pixel."""
     scene, size = room(), (240, 135)
     projection = read_preset(PRESETS / f"{name}.json").projection(size[0] / size[1])
-    plan = plan_anchors(scene, [projection], size, AXES)
-    done = completed(scene, projection, size, traced_views(scene, plan.anchors), PlanLimits())
+    plan = plan_anchors([scene], [projection], size, AXES)
+    done = completed(scene, projection, size, traced_views(scene, plan.anchors))
     off, holes = looked_up(scene, projection, size, done.views)
     assert len(off) > 1000 and holes <= 5e-4 and abs(1.0 - holes - done.shown) < 1e-9
     assert (off < 0.5).mean() >= 0.995
@@ -158,7 +158,7 @@ def test_positions_of_presets_after_completion(name):
 
 def test_a_picture_is_seen_by_its_own_pinhole():
     """The anchor of a pinhole stands in it and has its window, whatever the scene's size."""
-    (anchor,) = plan_anchors(room(), [frustum()], SIZE, AXES).anchors
+    (anchor,) = plan_anchors([room()], [frustum()], SIZE, AXES).anchors
     np.testing.assert_allclose(anchor.eye, 0.0, atol=1e-9)
     left, bottom, right, top = anchor.window
     assert left < -0.8 < 0.8 < right and bottom < -0.45 < 0.45 < top

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures by ordinary engines through anchors, beside ordinary cameras and beside what projectors meet."""
 
+from itertools import pairwise
+
 import bpy
 import numpy as np
 import pytest
@@ -252,3 +254,40 @@ def test_an_animation_is_written_frame_by_frame(scene, jobs, tmp_path):
     job = jobs.render_anchors(bpy.context, scene.camera, (1, 2), str(tmp_path / "frame_##.png"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["frame_01.png", "frame_02.png"]
     assert len(job.written) == 2 and scene.frame_current == 1
+
+
+def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypatch):
+    """They are planned once for the frames, at the places where the camera is then; each frame is right."""
+    flexible(scene.camera, "inverted_perspective")
+    camera = scene.camera
+    camera.scfpf.samples = 1
+    for frame, x in ((1, 0.0), (4, 0.3)):
+        camera.location.x = x
+        camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    shots = addon("anchors.shot")
+    planned, rendered = [], []
+    plan, complete = shots.Shot.plan, shots.completed_sets
+
+    def noted_plan(self, place, scenes, projections, *others):
+        planned.append(
+            [each.projectors(np.array([0.5]), np.array([0.5])).points[0, 0, 0] for each in projections]
+        )
+        assert len({id(each) for each in scenes}) == 1
+        plan(self, place, scenes, projections, *others)
+
+    def noted_sets(*everything):
+        found = complete(*everything)
+        rendered.append({id(view.anchor) for view in found[0]})
+        return found
+
+    monkeypatch.setattr(shots.Shot, "plan", noted_plan)
+    monkeypatch.setattr(addon("engines.anchored_render"), "completed_sets", noted_sets)
+    jobs.render_anchors(bpy.context, camera, (1, 2, 3, 4), str(tmp_path / "frame_##.exr"))
+    assert len(planned) == 1 and abs(planned[0][-1] - planned[0][0] - 0.3) < 1e-5
+    assert all(len(one & other) > 0.7 * len(one) for one, other in pairwise(rendered))
+    found = (result()[..., :3] - 0.5) * 16
+    scene.frame_set(4)
+    wanted = places(addon, camera)
+    inner = ~edges(wanted)
+    assert inner.mean() > 0.1 and np.median(np.linalg.norm(found - wanted, axis=2)[inner]) < 0.1

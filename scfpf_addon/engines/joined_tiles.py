@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A picture joined from those of its anchors, tile by tile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..anchors.anchor_view import AnchorView, ViewSet
+from ..anchors.join import join, join_sky
+from ..anchors.plan import PlanLimits
+from ..anchors.shown_points import shown_points
+from ..bridge.render.render_inputs import RenderInputs
+from ..casting.scene.cast_scene import CastScene
+from ..casting.tiles import TileJob, image_tiles, run_tiles
+from ..shading.frame import render_frame
+from ..shading.sampling.sample_positions import SamplePositions
+from ..shading.typing import Single
+
+
+@dataclass
+class Pictures:
+    """The pictures of anchors. sets: of the views. colors: (H, W, 4) float32 each, row 0 at the bottom."""
+
+    views: list[AnchorView]
+    sets: list[ViewSet] = field(default_factory=list)
+    colors: list[Single] = field(default_factory=list)
+
+
+def joined_pixels(
+    inputs: RenderInputs, scene: CastScene, seen: Pictures, worlds: Pictures
+) -> tuple[Single, float]:
+    """The picture (H, W, 4), and the share of its pixels that no anchor shows: the engine colors these.
+
+    scene: what the camera sees. worlds: pictures of the sky. Raises CastError and Cancelled.
+    """
+    settings, projection = inputs.settings, inputs.projection
+    width, height, angle = settings.width, settings.height, PlanLimits().angle
+    positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
+    pixel_size = 1.0 / width, 1.0 / height
+    pixels = np.zeros((height, width, 4), np.float32)
+    holes = np.zeros((height, width), bool)
+
+    def work(job: TileJob) -> tuple[Single, np.ndarray]:
+        """The colours (n, 4) of the pixels of a tile, and which of them have none."""
+        count = (job.rows.stop - job.rows.start) * width
+        color, weight = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
+        for sample in range(settings.samples):
+            x, y = positions.of_rows(job.rows, sample)
+            points = shown_points(scene, projection, x, y, pixel_size, settings.pixel_error)
+            # Where there is no projector, the picture shows nothing.
+            present = np.zeros(count, bool)
+            present[points.number] = True
+            weight[~present] += 1.0
+            things = points.take(np.flatnonzero(points.is_hit))
+            own, lacks = join(things, seen.views, seen.sets, seen.colors, angle)
+            color[things.number] += own
+            weight[things.number] += ~lacks
+            if settings.transparent:
+                weight[points.number[~points.is_hit]] += 1.0
+            else:
+                beyond = points.take(np.flatnonzero(~points.is_hit))
+                own, lacks = join_sky(beyond, worlds.views, worlds.colors)
+                color[beyond.number] += own
+                weight[beyond.number] += ~lacks
+        empty = weight <= 0.0
+        return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
+
+    def finished(rows: slice, made: tuple[Single, np.ndarray]) -> None:
+        """Write a tile into the picture."""
+        pixels[rows] = made[0].reshape(-1, width, 4)
+        holes[rows] = made[1].reshape(-1, width)
+
+    run_tiles(work, image_tiles(width, height), settings.threads, finished)
+    if holes.any():
+        frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
+        if frame is not None:
+            pixels[holes] = frame.pixels[holes]
+    return pixels, float(holes.mean())
