@@ -21,7 +21,7 @@ from .camera import (
 from .common import modal_job
 from .image import find, pick, render
 from .layers import layer_check, layer_list, layer_render
-from .volume import framing, mappings, surface_tools, surfaces, volume_tools
+from .volume import by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
@@ -31,6 +31,7 @@ MODULES = (
     surfaces,
     volume_tools,
     surface_tools,
+    by_distance,
     framing,
     duplicate,
     blend,

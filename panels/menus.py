@@ -58,6 +58,7 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
                 "scfpf.volume_mirror", text=label_text("Mirror {0}", axis), icon="MOD_MIRROR"
             ).axis = axis
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
+        self.layout.operator("scfpf.distance_release", icon="UNLOCKED")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
         self.layout.operator("scfpf.camera_blend", icon="IPO_EASE_IN_OUT")

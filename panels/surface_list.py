@@ -5,10 +5,12 @@ import bpy
 
 from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
+from ..scfpf_addon.bridge.camera.by_distance import is_by_distance
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
 from ..scfpf_addon.bridge.surfaces.surface_object import parameter_properties
 from ..scfpf_addon.projection.user_error import Message, UserError
+from ..scfpf_addon.projection.volume.basis import WEIGHTED
 from .base import draw_text
 
 # The width of a weight in the list, in the interface's units: six digits.
@@ -47,7 +49,7 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             place.alignment = "RIGHT"
             place.active = False
             place.label(text=end)
-        if data.basis == "NURBS":
+        if data.basis in WEIGHTED and not item.object.scfpf_surface.is_by_distance:
             weight = row.row()
             weight.ui_units_x = WEIGHT_WIDTH
             # A row has no room for the panel's split into name and value.
@@ -63,7 +65,10 @@ def draw_surfaces(layout, context, settings) -> None:
         "SCFPF_UL_surfaces", "", settings, "surfaces", settings, "active_surface", rows=5, sort_lock=True
     )
     column = row.column(align=True)
-    column.menu("SCFPF_MT_surface_add", text="", icon="ADD")
+    if is_by_distance(settings.id_data):
+        column.operator("scfpf.distance_add", text="", icon="ADD")
+    else:
+        column.menu("SCFPF_MT_surface_add", text="", icon="ADD")
     column.operator("scfpf.surface_remove", text="", icon="REMOVE")
     column.separator()
     column.operator("scfpf.surface_move", text="", icon="TRIA_UP").direction = "UP"
@@ -87,9 +92,14 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
         )
         return
     column = layout.column()
-    if basis == "NURBS":
-        column.prop(slot, "weight")
-    column.prop(slot.object.scfpf_surface, "kind")
+    if basis in WEIGHTED and not slot.object.scfpf_surface.is_by_distance:
+        column.prop(slot, "weight", text="Weight" if basis == "NURBS" else "Place")
+    own = slot.object.scfpf_surface
+    if own.is_by_distance:
+        for name in ("distance", "angle", "shift"):
+            column.prop(own, name)
+        return
+    column.prop(own, "kind")
     try:
         for label, owner, name in parameter_properties(slot.object):
             column.prop(owner, name, text=label)

@@ -57,6 +57,29 @@ def _gradient() -> None:
     field.angle, field.center, field.border = math.radians(90.0), (0.5, 0.55), 0.4
 
 
+def _by_distance() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.by_distance())
+
+
+def _view_at(distance: float, angle: float, is_new: bool = False):
+    """Give the active distance, or a new one, a field of view in degrees."""
+
+    def act() -> None:
+        import bpy
+
+        settings = bpy.context.object.scfpf
+        if is_new:
+            done(bpy.ops.scfpf.distance_add(distance=distance))
+        own = settings.surfaces[settings.active_surface].object.scfpf_surface
+        own.distance, own.angle = distance, math.radians(angle)
+
+    return act
+
+
+# Distances and fields of view, in degrees, of the recipe of the fist.
+FIST, BODY = (1.2, 43.0), (2.8, 76.0)
 # The angle by which the recipe of the best side turns the layer's camera, in degrees.
 TURN = 50.0
 SCREEN = (
@@ -98,6 +121,32 @@ RECIPES = (
         "Only the character turns: every other pixel stays. *Live View* shows it while you turn, and *Size* "
         "in the panel makes it larger. Light and shadow are those of the scene. [Compose](../compose.md) has "
         "more; [Aim](../aim.md) turns things by one bent volume, without borders.",
+    ),
+    Recipe(
+        "big-fist",
+        "A big fist before a small figure",
+        "Perspective by distance: a field of view for the hand, one for the body, one for the town.",
+        scenes.boxer,
+        (
+            size(960, 540),
+            select("Select the ordinary camera.", "Camera"),
+            Step("Choose *Perspective by Distance* in the menu *Projection Preset*.", _by_distance),
+            Step(
+                f"In *Control Surfaces* give the distance in the middle *Distance* {FIST[0]:g} m and "
+                f"*Field of View* {FIST[1]:g}°: the fist gets larger.",
+                _view_at(*FIST),
+            ),
+            Step(
+                f"Press + and give the new one *Distance* {BODY[0]:g} m and *Field of View* {BODY[1]:g}°: "
+                "the body gets smaller.",
+                _view_at(*BODY, is_new=True),
+            ),
+            render(),
+        ),
+        "Things at each distance have just the size that its field of view says. In between projectors run "
+        "smoothly; *Polyline* makes them straight. The arrows in the viewport drag distances and widths. "
+        "Keyframes act on *Distance*, *Field of View* and *Shift*. A narrow field of view at a face and a "
+        "wide one behind it make a portrait as through a long lens, before a wide street.",
     ),
     Recipe(
         "long-pan",

@@ -69,6 +69,88 @@ def head():
     return scene
 
 
+def boxer():
+    """The street with a figure whose fist is before an ordinary camera."""
+    import bmesh
+    import bpy
+    from mathutils import Matrix
+
+    from ..mesh import material
+    from ..render_demo import Shot, place_camera
+
+    scene = build_street()
+    # Limbs by both ends and the radius at both, in metres from between the feet. They look along -Y.
+    shapes = {
+        "Coat": (
+            ((0.0, 0.05, 0.95), (0.0, 0.0, 1.25), 0.19, 0.20),
+            ((-0.10, 0.0, 1.38), (0.12, -0.04, 1.38), 0.17, 0.17),
+            ((0.24, -0.06, 1.42), (0.50, -0.62, 1.30), 0.10, 0.085),
+            ((0.50, -0.62, 1.30), (0.66, -1.30, 1.22), 0.085, 0.07),
+            ((-0.24, 0.02, 1.42), (-0.50, 0.10, 1.08), 0.10, 0.085),
+            ((-0.50, 0.10, 1.08), (-0.42, -0.36, 1.16), 0.085, 0.07),
+        ),
+        "Trousers": (
+            ((-0.08, 0.05, 0.88), (0.08, 0.05, 0.88), 0.18, 0.18),
+            ((0.10, 0.05, 0.86), (0.24, -0.22, 0.48), 0.14, 0.10),
+            ((0.24, -0.22, 0.48), (0.26, 0.02, 0.08), 0.10, 0.07),
+            ((-0.10, 0.05, 0.86), (-0.22, 0.26, 0.46), 0.14, 0.10),
+            ((-0.22, 0.26, 0.46), (-0.30, 0.55, 0.10), 0.10, 0.07),
+        ),
+        "Skin": (
+            ((0.0, -0.02, 1.50), (0.0, -0.06, 1.66), 0.075, 0.075),
+            ((0.0, -0.08, 1.72), (0.0, -0.07, 1.80), 0.115, 0.135),
+            ((0.0, -0.21, 1.76), (0.0, -0.22, 1.74), 0.025, 0.03),
+        ),
+        "Hair": (((0.0, -0.03, 1.84), (0.0, 0.02, 1.80), 0.135, 0.14),),
+        "Gloves": (
+            ((0.67, -1.34, 1.22), (0.69, -1.48, 1.22), 0.085, 0.13),
+            ((0.69, -1.48, 1.22), (0.69, -1.54, 1.20), 0.13, 0.125),
+            ((0.57, -1.50, 1.28), (0.62, -1.60, 1.29), 0.05, 0.05),
+            ((-0.42, -0.40, 1.17), (-0.40, -0.52, 1.20), 0.085, 0.13),
+        ),
+    }
+    colors = {
+        "Coat": (0.06, 0.20, 0.34),
+        "Trousers": (0.09, 0.08, 0.10),
+        "Skin": (0.58, 0.33, 0.22),
+        "Hair": (0.05, 0.03, 0.02),
+        "Gloves": (0.55, 0.03, 0.02),
+    }
+    figure = bpy.data.objects.new("Figure", None)
+    figure.location = (-0.45, -9.9, 0.0)
+    scene.collection.objects.link(figure)
+    for name, limbs in shapes.items():
+        shape, mesh = bmesh.new(), bpy.data.meshes.new(name)
+        for start, end, first, last in limbs:
+            start, end = np.array(start), np.array(end)
+            for share in np.linspace(
+                0.0, 1.0, 2 + int(np.linalg.norm(end - start) / (0.2 * min(first, last)))
+            ):
+                place = Matrix.Translation(start + share * (end - start))
+                radius = first + share * (last - first)
+                bmesh.ops.create_icosphere(shape, subdivisions=2, radius=radius, matrix=place)
+        shape.to_mesh(mesh)
+        shape.free()
+        part = bpy.data.objects.new(name, mesh)
+        part.parent = figure
+        scene.collection.objects.link(part)
+        joined = part.modifiers.new("Joined", "REMESH")
+        joined.mode, joined.voxel_size, joined.use_smooth_shade = "VOXEL", 0.016, True
+        part.modifiers.new("Smooth", "SMOOTH").iterations = 12
+        mesh.materials.append(material(name, colors[name], 0.35 if name == "Gloves" else 0.7))
+    for side in (-1.0, 1.0):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.016, location=(side * 0.048, -0.19, 1.805))
+        eye = bpy.context.view_layer.objects.active
+        eye.name, eye.parent = "Eye", figure
+        eye.data.shade_smooth()
+        eye.data.materials.append(material("Eyes", (0.02, 0.02, 0.02), 0.1))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.data.lens, camera.data.clip_end = camera, 35.0, 150.0
+    place_camera(camera, Shot((0.0, -12.6, 1.1), (0.0, -6.0, 1.2)))
+    return scene
+
+
 def _with_screen(points, faces, uvs):
     """The street with a screen, and an empty at its viewer's eye."""
     import bpy

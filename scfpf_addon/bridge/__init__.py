@@ -6,7 +6,7 @@ from __future__ import annotations
 from .aim import live_aim, scene_marks, widgets
 from .blender import unstored_edits
 from .live import live_drawing
-from .overlays import image_marks, viewport_overlay
+from .overlays import distance_handles, image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes
 from .settings import (
     aim_properties,
@@ -38,6 +38,7 @@ MODULES = (
     image_marks,
     scene_marks,
     widgets,
+    distance_handles,
     command_line,
 )
 

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Control surfaces as an artist handles them: added from the menu, dragged, edited fifty times and undone."""
 
+from math import degrees, pi, radians, tan
+
 import bpy
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from driver import DRAW, build_scene, surfaces, volume
 
 KINDS = (
@@ -179,4 +182,63 @@ def duplicated(driver):
     assert volume(bpy.context.scene.camera) == before
 
 
-SCENARIOS = (each_kind, drags, fifty_undos, duplicated)
+def handles_of_distances(driver):
+    """Perspective by Distance: the arrows of the middle plane drag its distance and its width, undo too."""
+    build_scene()
+    bpy.ops.object.camera_add(location=(0, 0, 0), rotation=(pi / 2, 0, 0))
+    camera = bpy.context.object
+    bpy.context.scene.camera = camera
+    camera.data.clip_start, camera.data.clip_end = 1.0, 12.0
+    with driver.override():
+        assert bpy.ops.scfpf.by_distance("EXEC_DEFAULT", True) == {"FINISHED"}
+    own = surfaces(camera)[1].scfpf_surface
+    own.distance, own.angle = 6.0, radians(60)
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    driver.look("TOP", 1.4)
+    driver.area("VIEW_3D").spaces.active.show_gizmo = True
+    with driver.override():
+        bpy.ops.ed.undo_push(message="Before")
+    yield 2 * DRAW
+    driver.shot("before")
+    region, view = driver.region("VIEW_3D"), driver.area("VIEW_3D").spaces.active.region_3d
+
+    def pixel(*place):
+        found = location_3d_to_region_2d(region, view, place)
+        return region.x + round(found.x), region.y + round(found.y)
+
+    # From above the camera looks up the screen along world Y, its X to the right.
+    for name, start, end in (
+        ("distance", (0.0, 6.0, 0.0), (0.0, 8.0, 0.0)),
+        ("half_width", (6.0 * tan(radians(30)), 6.0, 0.0), (6.0, 6.0, 0.0)),
+    ):
+        yield from press_and_move(driver, pixel(*start), pixel(*end))
+        driver.shot(name)
+        # Undo has replaced the objects.
+        own = surfaces(bpy.context.scene.camera)[1].scfpf_surface
+        if name == "distance":
+            assert abs(own.distance - 8.0) < 0.3, own.distance
+        else:
+            assert abs(own.distance * tan(own.angle / 2) - 6.0) < 0.4, degrees(own.angle)
+        with driver.override():
+            bpy.ops.ed.undo()
+        yield DRAW
+        own = surfaces(bpy.context.scene.camera)[1].scfpf_surface
+        assert abs(own.distance - 6.0) < 1e-4 and abs(degrees(own.angle) - 60.0) < 1e-3
+
+
+def press_and_move(driver, start, end):
+    """Generator: drag the left button from one pixel of the window to another."""
+    for step in range(7):
+        share = max(step - 1, 0) / 5
+        x, y = (round(a + share * (b - a)) for a, b in zip(start, end, strict=True))
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+        yield DRAW / 2
+        if step == 0:
+            driver.window.event_simulate("LEFTMOUSE", "PRESS", x=x, y=y)
+            yield DRAW / 2
+    driver.window.event_simulate("LEFTMOUSE", "RELEASE", x=x, y=y)
+    yield DRAW
+
+
+SCENARIOS = (each_kind, drags, fifty_undos, duplicated, handles_of_distances)

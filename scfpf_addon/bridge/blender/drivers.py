@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 
-def new_driver(owner, name: str, expression: str = ""):
+def new_driver(owner, name: str, expression: str = "", index: int = -1):
     """Return the driver of a property, without variables and modifiers.
 
     It evaluates an expression, or else the mean of its variables. A driver that the property already has is
-    used again.
+    used again. index: of the value in a vector.
     """
-    curve = owner.driver_add(name)
+    curve = owner.driver_add(name) if index < 0 else owner.driver_add(name, index)
     driver = curve.driver
     for items in (curve.modifiers, driver.variables):
         for old in list(items):

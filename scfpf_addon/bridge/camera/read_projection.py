@@ -15,6 +15,7 @@ from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.typing import Array
 from ...projection.user_error import Message, UserError
+from ...projection.volume.basis import WEIGHTED
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
@@ -186,7 +187,7 @@ def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> 
         surfaces += layers
         weights += [slot.weight] * len(layers)
     return ViewingVolume(
-        tuple(surfaces), settings.basis, tuple(weights) if settings.basis == "NURBS" else None
+        tuple(surfaces), settings.basis, tuple(weights) if settings.basis in WEIGHTED else None
     )
 
 

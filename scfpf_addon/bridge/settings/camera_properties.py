@@ -7,6 +7,8 @@ objects survive a reload.
 
 from __future__ import annotations
 
+import math
+
 import bpy
 from bpy.props import (
     CollectionProperty,
@@ -16,7 +18,7 @@ from bpy.props import (
 
 from ...projection.volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from ..blends.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
-from ..camera import flexible_camera
+from ..camera import by_distance, flexible_camera
 from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
@@ -55,6 +57,7 @@ BASES = (
         "NURBS",
         "The B-spline with a weight for each surface; with three surfaces an arc of a circle, for example",
     ),
+    ("SMOOTH", "Smooth", "A curve that runs through all surfaces, without a corner at any of them"),
 )
 REPARAMETERISATIONS = (
     ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
@@ -85,6 +88,13 @@ def _kind_changed(settings, context):
         surface_object.take_kind(surface)
 
 
+def _distance_changed(own, context):
+    """Keep the planes of a camera in the order of distance."""
+    surface = own.id_data
+    if surface.is_editable and not surface.is_evaluated:
+        by_distance.distance_edited(surface)
+
+
 def _may_be_surface(slot, candidate) -> bool:
     return flexible_camera.may_be_surface(candidate)
 
@@ -112,7 +122,8 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
     )
     weight: number(
         "Weight",
-        "Pull of this surface on NURBS projectors, compared with the others",
+        "Pull of this surface on NURBS projectors, compared with the others; on smooth projectors its place, "
+        "which rises from each surface to the next as distances do",
         1.0,
         SMALLEST_WEIGHT,
         LARGEST_WEIGHT,
@@ -141,6 +152,40 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         "Made for a Camera",
         "This control surface was made for a flexible camera and is deleted with it",
         **MARK,
+    )
+    is_by_distance: switch(
+        "By Distance", "Drivers place this plane by its distance and its field of view", **MARK
+    )
+    distance: FloatProperty(
+        name="Distance",
+        description="Distance from the camera at which the picture has this field of view",
+        default=1.0,
+        min=1e-6,
+        max=1e12,
+        soft_min=0.01,
+        subtype="DISTANCE",
+        override=OVERRIDABLE,
+        update=_distance_changed,
+    )
+    angle: number(
+        "Field of View",
+        "Angle between the left and the right border of the picture, for things at this distance: what has a "
+        "wide one looks small",
+        math.radians(40.0),
+        math.radians(0.01),
+        math.radians(175.0),
+        subtype="ANGLE",
+    )
+    shift: vector(
+        "Shift",
+        "How far things at this distance move left and down, in widths of the picture",
+        (0.0, 0.0),
+        -10.0,
+        10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
     )
     hidden_in: text(
         "Hidden With Camera In",

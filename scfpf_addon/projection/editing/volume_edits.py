@@ -94,14 +94,18 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
 
     BEZIER: degree elevation, Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m; the ends stay. POLYLINE:
     a surface half-way between the one at ``index`` and the next. B_SPLINE and NURBS: up to three surfaces
-    are elevated, of four the span is cut in two at t = 1/2. Raises UserError for more: no even spacing of
-    knots with one surface more leaves the volume as it is.
+    are elevated, of four the span is cut in two at t = 1/2. Raises UserError for more, as no even spacing of
+    knots with one surface more leaves the volume as it is, and for SMOOTH, whose slopes would change.
     """
     surfaces, count = volume.surfaces, len(volume.surfaces)
     if volume.basis == "POLYLINE":
         index = min(index, count - 2)
         return Insertion(index + 1, 0, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], None)
-    if volume.basis == "BEZIER" or count <= B_SPLINE_DEGREE:
+    if volume.basis == "SMOOTH" and count > 2:
+        raise UserError(
+            "Smooth projectors change with each new surface: choose another Shape of the projectors first"
+        )
+    if volume.basis in {"BEZIER", "SMOOTH"} or count <= B_SPLINE_DEGREE:
         shares = [i / count for i in range(1, count)]
     elif count == B_SPLINE_DEGREE + 1:
         # The blossom at (0, 0, ½), (0, ½, 1) and (½, 1, 1).

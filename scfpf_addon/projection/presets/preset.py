@@ -48,7 +48,7 @@ from ..surfaces.kinds import FILE_KINDS, surface_from_parameters
 from ..surfaces.surface import ControlSurface
 from ..surfaces.uv_chart import UVChart
 from ..typing import Array
-from ..volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
+from ..volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, WEIGHTED, BasisKind
 from ..volume.reparameterisation import cropped_ranges, reparameterisation
 from ..volume.viewing_volume import Projection, ViewingVolume
 from .euler import euler_angles, euler_matrix
@@ -67,7 +67,7 @@ __all__ = [
 ]
 
 FORMAT = 1
-BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS")
+BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS", "SMOOTH")
 REPARAMETERISATIONS = ("RECTANGLE", "POLAR")
 FITS = ("WIDTH", "HEIGHT", "CROP", "NONE")
 # Cosine between the axes of a surface beyond which it counts as sheared: float32 with room to spare.
@@ -93,8 +93,8 @@ class PresetSurface:
 
     kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera space. parameters: the kind's
     numbers, angles in radians. points: (rows, columns, 3) float64, rows along v, for PATCH and GRID, with 3
-    or 4 numbers each for NURBS, (V, 3) for UV_MESH. None for the other kinds. weight: of the surface in NURBS
-    projectors. chart: the triangles of a UV_MESH.
+    or 4 numbers each for NURBS, (V, 3) for UV_MESH. None for the other kinds. weight: of the surface in
+    projectors of NURBS, its place in smooth ones. chart: the triangles of a UV_MESH.
     """
 
     name: str
@@ -172,7 +172,7 @@ class Preset:
 
     def volume(self) -> ViewingVolume:
         """The viewing volume in camera space."""
-        weights = tuple(s.weight for s in self.surfaces) if self.basis == "NURBS" else None
+        weights = tuple(s.weight for s in self.surfaces) if self.basis in WEIGHTED else None
         return ViewingVolume(tuple(s.surface() for s in self.surfaces), self.basis, weights)
 
     def projection(self, aspect: float) -> Projection:

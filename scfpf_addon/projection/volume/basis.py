@@ -18,7 +18,10 @@ import numpy as np
 from ..typing import Array, IndexArray
 from .bezier import bernstein, bernstein_derivative, bernstein_second_derivative
 
-BasisKind = Literal["BEZIER", "POLYLINE", "B_SPLINE", "NURBS"]
+BasisKind = Literal["BEZIER", "POLYLINE", "B_SPLINE", "NURBS", "SMOOTH"]
+
+# Bases that ask each control surface for a number.
+WEIGHTED: frozenset[str] = frozenset({"NURBS", "SMOOTH"})
 
 # Of B-spline and NURBS projectors; cubic is the least degree whose pieces meet with one curvature.
 B_SPLINE_DEGREE = 3
@@ -148,8 +151,9 @@ def span_basis(kind: BasisKind, count: int, weights: Sequence[float] | None = No
     spans of equal length in t. B_SPLINE: the uniform B-spline of degree 3, or
     count-1 if that is less, clamped to its end points; with up to four control
     points it is the Bézier curve. NURBS: the same with a weight for each control point,
-    above 0; if they are all equal it is the B-spline. weights: (count,), for NURBS only,
-    None for equal ones.
+    above 0; if they are all equal it is the B-spline. SMOOTH: cubic spans of equal length in t that
+    run through all control points without a corner. weights: (count,), of the control points of NURBS, None
+    for equal ones; for SMOOTH their places along the projector, which rise or fall, else they count as even.
     Raises ValueError for fewer than two control points, an unknown kind or other weights.
     """
     if count < 2:
@@ -166,6 +170,8 @@ def span_basis(kind: BasisKind, count: int, weights: Sequence[float] | None = No
         return _b_spline(count)
     if kind == "NURBS":
         return _weighted(_b_spline(count), np.ones(count) if weights is None else np.asarray(weights))
+    if kind == "SMOOTH":
+        return _smooth(count, np.ones(count) if weights is None else np.asarray(weights, np.float64))
     raise ValueError(f"unknown projector basis {kind!r}")
 
 
@@ -189,6 +195,31 @@ def _b_spline(count: int) -> SpanBasis:
                 points = points[:-1] * (1.0 - share) + points[1:] * share
             matrices[span, j] = points[0]
     return SpanBasis(breaks, matrices)
+
+
+def _smooth(count: int, places: Array) -> SpanBasis:
+    """The spans of cubic Bessel interpolation, whose slope at a point is that of a parabola through three.
+
+    places: (count,), the points' values of the parameter by which slopes are taken. What is linear in it
+    stays so. De Boor, A Practical Guide to Splines, chapter IV.
+    """
+    if places.shape != (count,):
+        raise ValueError(f"{count} control points need as many places")
+    points, steps = np.eye(count), np.diff(places)
+    if count == 2:
+        return SpanBasis(np.array([0.0, 1.0]), points[None])
+    if not ((steps > 0.0).all() or (steps < 0.0).all()):
+        steps = np.ones(count - 1)
+    steps = np.abs(steps)[:, None]
+    secants = np.diff(points, axis=0) / steps
+    before, after = steps[:-1], steps[1:]
+    inner = (after * secants[:-1] + before * secants[1:]) / (before + after)
+    slopes = np.concatenate([2.0 * secants[:1] - inner[:1], inner, 2.0 * secants[-1:] - inner[-1:]])
+    third = steps / 3.0
+    matrices = np.stack(
+        [points[:-1], points[:-1] + third * slopes[:-1], points[1:] - third * slopes[1:], points[1:]], axis=1
+    )
+    return SpanBasis(np.linspace(0.0, 1.0, count), matrices)
 
 
 def _weighted(basis: SpanBasis, weights: Array) -> SpanBasis:

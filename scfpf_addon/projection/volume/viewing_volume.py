@@ -58,8 +58,8 @@ class ViewingVolume:
     """Control surfaces Q0 (near) to Qm (far) joined by a projector basis.
 
     Q(u, v, t) = Σ B(i, m)(t) Qi(u, v), t in [0, 1] (paper §4.1); other bases
-    replace the Bernstein polynomials. weights: one a surface, above 0, for basis
-    NURBS; other bases ignore them. Raises ValueError for fewer than two surfaces.
+    replace the Bernstein polynomials. weights: one a surface, above 0, for the
+    bases of ``WEIGHTED``; other bases ignore them. Raises ValueError for fewer than two surfaces.
     """
 
     surfaces: tuple[ControlSurface, ...]

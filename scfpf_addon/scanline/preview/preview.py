@@ -21,6 +21,7 @@ from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.scene.read_materials import volume_only_materials
 from ...bridge.sync.camera_sync import sync as sync_volumes
 from ...projection.user_error import UserError
+from ...projection.volume.basis import WEIGHTED
 from ..table.mapping_table import image_signature
 from . import preview_drafts, preview_viewports
 from .preview_data import (
@@ -163,7 +164,7 @@ def _forget(uid: int) -> None:
 def _camera_signature(camera, scene) -> tuple:
     """All that the table and the node groups depend on, and nodes cannot follow."""
     settings = camera.scfpf
-    surfaces = (_surface_signature(slot, settings.basis == "NURBS") for slot in settings.surfaces)
+    surfaces = (_surface_signature(slot, settings.basis in WEIGHTED) for slot in settings.surfaces)
     # Nodes follow the ranges. The table's size depends on whether they are whole.
     whole = tuple(settings.u_range) == tuple(settings.v_range) == (0.0, 1.0)
     mappings = image_signature(camera, scene)

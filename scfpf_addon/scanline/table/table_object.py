@@ -10,6 +10,7 @@ from ...bridge.blender.mesh_grid import UV_LAYER, grid_points, uv_layer
 from ...bridge.blender.modifier_inputs import input_property, renew_relations, set_inputs
 from ...projection.surfaces.kinds import PARAMETRIC_KINDS, SURFACE_KINDS
 from ...projection.user_error import UserError
+from ...projection.volume.basis import WEIGHTED
 from .mapping_table import store_parameters
 from .table_nodes import table_group
 
@@ -81,7 +82,7 @@ def _own_table(camera, key: str, label: str):
 def table_group_of(camera, with_inverse=True):
     """Return the node group that computes a camera's table. with_inverse: as for ``table_object``."""
     settings = camera.scfpf
-    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
+    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis in WEIGHTED else None
     return table_group(settings.basis, len(settings.surfaces), weights, with_inverse)
 
 

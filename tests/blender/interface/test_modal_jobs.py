@@ -151,6 +151,7 @@ CANCELED, NOTHING_CHANGED = "Render canceled", "Canceled: nothing was changed"
 # By class: its module, the events before the end, and what Esc reports, "" for nothing. None: it has no Esc.
 JOBS = {
     "SCFPF_OT_volume_frame": ("operators.volume.framing", [MOUSE, event("WHEELUPMOUSE")], ""),
+    "SCFPF_OT_distance_drag": ("operators.volume.by_distance", [MOUSE], ""),
     "SCFPF_OT_cycles_rig": ("operators.camera.cycles", [TIMER, TIMER], NOTHING_CHANGED),
     "SCFPF_OT_cycles_rig_update": ("operators.camera.cycles", [TIMER, TIMER], NOTHING_CHANGED),
     "SCFPF_OT_preview_toggle": ("operators.camera.preview", [TIMER, TIMER], NOTHING_CHANGED),
@@ -194,6 +195,9 @@ def job(request, addon, monkeypatch):
     if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render"}:
         scene.render.engine = "CYCLES"
         monkeypatch.setattr(addon("cycles.layers.layers_job").LayersJob, "render", lambda *_, **__: None)
+    if name == "SCFPF_OT_distance_drag":
+        camera.data.type, camera.data.clip_start = "PERSP", 0.1
+        bpy.ops.scfpf.by_distance()
     if "cycles" in name:
         # Of an animated volume several frames are read.
         for frame, x in ((1, 0.0), (20, 0.1)):
@@ -217,6 +221,11 @@ def job(request, addon, monkeypatch):
     if hasattr(module, "bpy"):
         monkeypatch.setattr(module, "bpy", fake)
     operator = instance(getattr(bpy.types, name))
+    if name == "SCFPF_OT_distance_drag":
+        operator.surface, operator.part = camera.scfpf.surfaces[1].object.name, "distance"
+        # How far the mouse is along the way, when it is pressed and after it.
+        along = iter((1.0, 2.5))
+        operator._along = lambda *_: next(along)
     if name == "SCFPF_OT_aim_solve":
         operator.prepared = lambda _context: camera
     if name == "SCFPF_OT_aim_pin_click":

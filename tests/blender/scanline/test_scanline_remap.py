@@ -160,6 +160,7 @@ def plane(flexible, camera, generator, index, count):
         ("POLYLINE", 4, 1),
         ("B_SPLINE", 6, 0),
         ("NURBS", 4, 1),
+        ("SMOOTH", 4, 1),
     ],
 )
 def test_random_one_to_one_volumes_of_every_basis(

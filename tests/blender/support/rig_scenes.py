@@ -54,6 +54,7 @@ VOLUMES = {
     "polyline": ("POLYLINE", [(1, 0.7, 1), (3, 2, 6, 2.0), (5, 3, 14, -4.0)]),
     "B-spline": ("B_SPLINE", [(1, 0.7, 1), (2, 1.4, 4), (4, 3, 9, 3.0), (5, 3, 15, -2.0), (8, 5, 24)]),
     "NURBS": ("NURBS", [(1, 0.7, 1), (3, 2, 6, 3.0), (5, 3, 14, -4.0, 0.4), (8, 5, 24, 2.0)]),
+    "smooth": ("SMOOTH", [(1, 0.7, 1), (2, 1.4, 4), (4, 3, 9, 2.0), (5, 3, 15, -2.0), (8, 5, 24)]),
     # Forward, up, back, and down through where it came from.
     "loop": ("BEZIER", [tilted(0, 0, 0.0), tilted(0, -30, 1.7), tilted(22, 2, 3.4), tilted(-18, -14, 5.1)]),
     "folded": ("POLYLINE", [(1, 0.7, 1), folded(6.0), (6, 4, 14)]),

@@ -114,6 +114,7 @@ def volumes():
         "180°": bent_projection(3, math.radians(180)),
         "degree 5": bent_projection(5, math.radians(180)),
         "spline": Projection(ViewingVolume(bent, "B_SPLINE"), aspect=16 / 9),
+        "smooth": Projection(ViewingVolume(bent, "SMOOTH", (1.0, 2.0, 4.0, 9.0)), aspect=16 / 9),
         "poles": Projection(ViewingVolume(tuple(spheres))),
         "point": Projection(ViewingVolume((placed(Point(), *centre), *spheres[1:]))),
         "polar": Projection(ViewingVolume(tuple(discs)), Polar()),

@@ -26,11 +26,13 @@ WIDTH, HEIGHT = 48, 27
 # Two hits count as one when their t differ by less.
 SAME = 1e-9
 
+BASES = {"polyline": "POLYLINE", "spline": "B_SPLINE", "smooth": "SMOOTH"}
+
 
 def volume(name):
-    if name in ("polyline", "spline"):
+    if name in BASES:
         surfaces = bent_projection(5, math.radians(120)).volume.surfaces
-        return Projection(ViewingVolume(surfaces, {"polyline": "POLYLINE", "spline": "B_SPLINE"}[name]))
+        return Projection(ViewingVolume(surfaces, BASES[name], (1.0, 1.5, 4.0, 5.0, 9.0, 9.5)))
     degree, angle = {
         "straight": (1, 0),
         "slight": (2, 10),
@@ -68,7 +70,7 @@ def agree(reference, scene, name, width=WIDTH, height=HEIGHT, grid=True):
 
 
 @pytest.mark.parametrize(
-    "name", ["straight", "slight", "quadratic", "cubic", "loop", "quintic", "polyline", "spline"]
+    "name", ["straight", "slight", "quadratic", "cubic", "loop", "quintic", "polyline", "spline", "smooth"]
 )
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_pixel_sees_what_brute_force_sees(reference, scene, name):

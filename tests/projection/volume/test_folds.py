@@ -177,7 +177,7 @@ def random_volume(seed, count, basis):
     return ViewingVolume(tuple(surfaces), basis)
 
 
-@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE"])
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE", "SMOOTH"])
 @pytest.mark.parametrize("count", [2, 3, 4, 6])
 @pytest.mark.parametrize("seed", range(6))
 def test_the_quick_way_finds_the_same_folded_pieces(seed, count, basis):
@@ -214,7 +214,7 @@ def test_the_quick_way_finds_the_same_in_presets(path):
         assert np.array_equal(folded_pieces(volume, controls, t, orientation), signs == -orientation)
 
 
-@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE", "NURBS"])
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE", "NURBS", "SMOOTH"])
 def test_the_determinant_in_bernstein_form_is_the_determinant(basis):
     volume = random_volume(3, 5, basis)
     if basis == "NURBS":
