@@ -4,11 +4,14 @@
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
 from ..operators.common.words import label_text
+from ..scfpf_addon.anchors.kept_plan import KeptPlan
 from ..scfpf_addon.bridge.blender import versions
 from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
+from ..scfpf_addon.bridge.render.image_size import image_size
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera, renders_by_cycles
 from ..scfpf_addon.cycles.rig_data import CYCLES
+from ..scfpf_addon.engines.render_times import estimated_seconds
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from .base import draw_text
@@ -54,11 +57,30 @@ def draw_ways(layout, context, camera) -> None:
     text = label_text("Render with {0}", "EEVEE" if own else engine_name(scene))
     found = row.operator("scfpf.joined_render", text=text)
     found.camera, found.engine = camera.name, "EEVEE" if own else "SCENE"
+    found = row.operator("scfpf.joined_plan", text="", icon="PRESET")
+    found.camera, found.engine = camera.name, "EEVEE" if own else "SCENE"
+    draw_plan(column, scene, camera, versions.EEVEE if own else scene.render.engine)
     if renders_by_cycles(scene, camera) and shown_layers(camera):
         draw_text(layout, NOT_BY_F12, "INFO")
     if shown != camera.name:
         text = label_text("F12 shows {0}", shown) if shown else "The scene has no camera for F12"
         draw_text(layout, label_text("{0}: a button above changes that", text), "INFO")
+
+
+def draw_plan(layout, scene, camera, renderer: str) -> None:
+    """Draw what the kept plan says of renders by another engine."""
+    plan = KeptPlan.read(camera.scfpf.anchor_plan)
+    if plan is None:
+        return
+    if plan.size != image_size(scene):
+        draw_text(layout, label_text("Plan of {0} × {1} pixels: plan again", *plan.size), "INFO")
+        return
+    count, pixels = len(plan.anchors), plan.pixels
+    seconds = estimated_seconds(renderer, count, pixels * plan.size[0] * plan.size[1])
+    text = label_text("Plan: {0} renders, {1:.2%}, {2:.1f} × the pixels", count, plan.shown, pixels)
+    if seconds is not None:
+        text = label_text("{0}, about {1:.0f} s", text, seconds)
+    draw_text(layout, text, "INFO")
 
 
 def draw_preview(layout, context, source) -> None:

@@ -12,17 +12,20 @@ from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...scfpf_addon.bridge.blender import versions
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LayersJob, all_at_once
-from ...scfpf_addon.engines.anchors_job import AnchorsJob
+from ...scfpf_addon.engines.anchors_job import AnchorsJob, plan_picture
+from ...scfpf_addon.projection.user_error import UserError
 from ..common.errors import refused
 from ..common.modal_job import ModalJob, in_window, is_running
-from ..common.target import chosen_camera, take_up_edits
+from ..common.target import chosen_camera, poll_flexible_camera, take_up_edits
+from ..common.tool import Action
 from ..common.words import report_text, translated_report
 from ..image.image_editors import image_editors
-from ..image.preparation import poll_no_render
+from ..image.preparation import poll_no_render, redraw_interface
 
 # Seconds between two looks at Blender's render.
 TICK = 0.1
@@ -32,6 +35,10 @@ ENGINES = (
     ("WORKBENCH", "Workbench", "The engine of solid viewports"),
     ("SCENE", "Scene's Engine", "The render engine that the scene has"),
 )
+RENDERERS = {"EEVEE": versions.EEVEE, "WORKBENCH": "BLENDER_WORKBENCH", "SCENE": ""}
+PLANNED = "{0} renders show {1:.2%} of the picture, with {2:.1f} times its pixels"
+ONE_RENDER = "One render: the picture is the camera's own view"
+LINKED = "'{0}' is linked from another file: make a library override of it first"
 WAIT = "Blender is rendering: wait for it, or press Esc to cancel it"
 
 # Whether Blender's render was cancelled while the operator runs.
@@ -41,6 +48,18 @@ _cancelled: list[bool] = []
 @persistent
 def _note_cancel(*_) -> None:
     _cancelled.append(True)
+
+
+class OfEngine:
+    """Operators that take the engine whose renders are joined."""
+
+    engine: EnumProperty(
+        name="Engine",
+        description="The engine whose renders are joined; the scene keeps its own",
+        items=ENGINES,
+        default="SCENE",
+        options={"SKIP_SAVE"},
+    )
 
 
 class PicturesRender(ModalJob):
@@ -171,7 +190,7 @@ class SCFPF_OT_layers_render(PicturesRender, bpy.types.Operator):
         return LayersJob(context, camera, frames, path)
 
 
-class SCFPF_OT_joined_render(PicturesRender, bpy.types.Operator):
+class SCFPF_OT_joined_render(OfEngine, PicturesRender, bpy.types.Operator):
     """Render by an engine that knows ordinary cameras only, and join the picture from a few of its renders;
     Esc cancels, the old picture stays"""
 
@@ -179,17 +198,42 @@ class SCFPF_OT_joined_render(PicturesRender, bpy.types.Operator):
     bl_label = "Render with Another Engine"
     bl_options = {"REGISTER"}
 
-    engine: EnumProperty(
-        name="Engine",
-        description="The engine whose renders are joined; the scene keeps its own",
-        items=ENGINES,
-        default="SCENE",
+    def new_job(self, context, camera, frames, path):
+        return AnchorsJob(context, camera, frames, path, RENDERERS[self.engine])
+
+
+class SCFPF_OT_joined_plan(OfEngine, Action, bpy.types.Operator):
+    """Find out how many renders of another engine the picture takes; Render uses the plan as long as camera,
+    scene and size stay as they are"""
+
+    bl_idname = "scfpf.joined_plan"
+    bl_label = "Plan Renders"
+
+    camera: StringProperty(
+        name="Camera",
+        description="Name of the flexible camera; empty for the scene's camera, or else the active one",
         options={"SKIP_SAVE"},
     )
 
-    def new_job(self, context, camera, frames, path):
-        renderers = {"EEVEE": versions.EEVEE, "WORKBENCH": "BLENDER_WORKBENCH", "SCENE": ""}
-        return AnchorsJob(context, camera, frames, path, renderers[self.engine])
+    @classmethod
+    def poll(cls, context):
+        return poll_flexible_camera(cls, context) and poll_no_render(cls, context)
+
+    def act(self, context):
+        camera = chosen_camera(context, self.camera)
+        if not camera.is_editable:
+            raise UserError(LINKED, camera.name)
+        take_up_edits(context)
+        uid = camera.session_uid
+        plan = plan_picture(context, camera, RENDERERS[self.engine])
+        text, told = "", ONE_RENDER
+        if plan is not None:
+            text, told = plan.text, report_text(PLANNED, len(plan.anchors), plan.shown, plan.pixels)
+        redraw_interface(context.window_manager)
+        object_by_uid(uid).scfpf.anchor_plan = text
+        return told
 
 
-register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_layers_render, SCFPF_OT_joined_render))
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_OT_layers_render, SCFPF_OT_joined_render, SCFPF_OT_joined_plan)
+)

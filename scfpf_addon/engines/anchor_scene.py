@@ -43,7 +43,8 @@ NEAREST = 1e-6
 class AnchorScene:
     """The copy of a scene, with one view layer and a camera. Call ``remove`` in any case.
 
-    It keeps names only, because Blender may free data between two calls.
+    It keeps names only, because Blender may free data between two calls. engine: the identifier of the
+    render engine.
     """
 
     def __init__(self, scene, view_layer, engine: str = "") -> None:
@@ -68,7 +69,7 @@ class AnchorScene:
         copy.collection.objects.link(camera)
         copy.camera, self._camera = camera, camera.name
         layer.use = True
-        render = copy.render
+        render, self.engine = copy.render, engine
         try:
             render.engine = engine
         except TypeError as error:

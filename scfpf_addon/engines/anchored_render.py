@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..anchors.anchor import Anchor
 from ..anchors.anchor_view import AnchorView, ViewSet, traced_views, without_unused
 from ..anchors.completion import completed
 from ..anchors.join import join_sky
+from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.shot import AnchorSet, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
@@ -25,6 +27,7 @@ from ..projection.volume.viewing_volume import Projection
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
 from .joined_tiles import Pictures, joined_pixels
+from .render_times import TakenTime, note_time
 
 COMBINED = "Combined"
 # What of a geometry rays meet.
@@ -44,6 +47,7 @@ class AnchoredRender:
     """One picture: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
 
     passes: none. warnings: what it does not show as asked. total: the number of its renders, once known.
+    plan: its anchors, once planned; None in an animation, whose frames are planned together.
     """
 
     def __init__(
@@ -55,6 +59,15 @@ class AnchoredRender:
         self.pixels: Single | None = None
         self.passes: dict[str, Pass] = {}
         self.total = 0
+        self.plan: KeptPlan | None = None
+        self._taken = TakenTime()
+
+    def make_plan(self, camera) -> KeptPlan | None:
+        """Plan the picture without rendering it; None if the camera's own view is all. Raises USER_ERRORS."""
+        inputs, axes = self._read(camera)
+        if not inputs.is_ordinary:
+            self._planned(_shown(inputs), inputs, axes, camera)
+        return self.plan
 
     def steps(self, camera) -> Iterator[str]:
         """Yield the name of what is to be rendered: the caller has Blender render the passing scene.
@@ -92,6 +105,7 @@ class AnchoredRender:
         for anchor in sky:
             color = yield from self._rendered(anchor)
             worlds.colors.append(color)
+        note_time(self._passing.engine, self._taken)
         self.pixels, holes = joined_pixels(inputs, shown, seen, worlds if sky else seen)
         if holes:
             self.warnings.append(Message(HOLES, holes, len(seen.views)))
@@ -122,11 +136,18 @@ class AnchoredRender:
             views, own, added = completed_sets(shown, projection, size, sets, threads)
             self._shot.add(added)
             return Pictures(views, own), False
+        made_for = _digest(inputs)
+        kept = KeptPlan.read(camera.scfpf.anchor_plan) if self._shot is None else None
+        if kept is not None and kept.made_for == made_for:
+            self.plan, views = kept, traced_views(shown, kept.anchors, threads)
+            return Pictures(views, [ViewSet(tuple(range(len(views))))]), kept.is_one_eye
         plan = plan_anchors([shown], [projection], size, axes)
         done = completed(shown, projection, size, traced_views(shown, plan.anchors, threads), threads=threads)
         # A still picture is the better for what was made for its smallest parts.
-        every = ViewSet((*done.own.first, *done.own.rest))
-        return Pictures(*without_unused(done.views, [every])), plan.is_one_eye
+        views, sets = without_unused(done.views, [ViewSet((*done.own.first, *done.own.rest))])
+        anchors = tuple(view.anchor for view in views)
+        self.plan = KeptPlan(anchors, made_for, size, done.shown, plan.is_one_eye)
+        return Pictures(views, sets), plan.is_one_eye
 
     def _sets_of_shot(
         self, shot: Shot, shown: CastScene, inputs: RenderInputs, axes: np.ndarray, camera
@@ -173,7 +194,10 @@ class AnchoredRender:
     def _rendered(self, anchor: Anchor) -> Iterator[str]:
         """Render an anchor and return its colours (H, W, 4), which are in a file."""
         self._passing.look_through(anchor)
+        begun = time.monotonic()
         yield Message("{0} × {1}", *anchor.size)
+        renders, pixels, seconds = self._taken
+        self._taken = TakenTime(renders + 1, pixels + anchor.count, seconds + time.monotonic() - begun)
         color = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
         # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
         np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
@@ -188,6 +212,14 @@ def _shown(inputs: RenderInputs) -> CastScene:
     if shown is None:
         raise UserError(NOTHING)
     return shown
+
+
+def _digest(inputs: RenderInputs) -> str:
+    """The digest of what a plan of the picture depends on."""
+    geometry, settings = inputs.scene.geometry, inputs.settings
+    shown = visible_to(geometry.visibility, CAMERA)
+    size = settings.width, settings.height
+    return digest(geometry.vertices, geometry.triangles, shown, inputs.projection, size)
 
 
 def lacking_sky(

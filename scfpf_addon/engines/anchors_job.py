@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..anchors.kept_plan import KeptPlan
 from ..anchors.shot import Shot
 from ..bridge.blender.user_errors import USER_ERRORS, reason
 from ..bridge.render import command_line
@@ -52,6 +53,15 @@ def render_anchors(
 ) -> AnchorsJob:
     """Do all of an ``AnchorsJob`` at once, and return it. Raises USER_ERRORS; earlier files stay then."""
     return all_at_once(AnchorsJob(context, camera, frames, path, renderer))
+
+
+def plan_picture(context, camera, renderer: str = "") -> KeptPlan | None:
+    """Plan the renders of the scene's picture; None if the camera's own view is all. Raises USER_ERRORS."""
+    passing = AnchorScene(context.scene, context.view_layer, renderer)
+    try:
+        return AnchoredRender(passing).make_plan(camera)
+    finally:
+        passing.remove()
 
 
 def render_for_command(renderer: str, camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:

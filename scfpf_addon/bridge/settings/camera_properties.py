@@ -461,6 +461,9 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     statistics: text(
         "Statistics", "Rays, chords, triangles and memory of the last render through this camera", **STATIC
     )
+    anchor_plan: text(
+        "Plan", "The renders by another engine that Plan Renders has found this camera to need", **MARK
+    )
 
 
 CLASSES = (

@@ -291,3 +291,46 @@ def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypat
     wanted = places(addon, camera)
     inner = ~edges(wanted)
     assert inner.mean() > 0.1 and np.median(np.linalg.norm(found - wanted, axis=2)[inner]) < 0.1
+
+
+def test_a_kept_plan_is_used_as_long_as_it_fits(scene, jobs, addon, monkeypatch):
+    """The picture is the same, and is not planned again until camera, things or size change."""
+    flexible(scene.camera, "inverted_perspective")
+    camera = scene.camera
+    camera.scfpf.samples = 1
+    jobs.render_anchors(bpy.context, camera)
+    fresh = result()
+    assert bpy.ops.scfpf.joined_plan(camera=camera.name) == {"FINISHED"}
+    plan = addon("anchors.kept_plan").KeptPlan.read(camera.scfpf.anchor_plan)
+    assert plan.size == (WIDTH, HEIGHT) and plan.shown > 0.99 and len(plan.anchors) > 3
+    rendering, planned = addon("engines.anchored_render"), []
+    plan_anchors = rendering.plan_anchors
+
+    def noted(*everything):
+        planned.append(True)
+        return plan_anchors(*everything)
+
+    monkeypatch.setattr(rendering, "plan_anchors", noted)
+    jobs.render_anchors(bpy.context, camera)
+    np.testing.assert_allclose(result(), fresh, atol=1e-6)
+    assert not planned
+    for change in (
+        lambda: setattr(camera, "location", (0.1, 0.0, 0.0)),
+        lambda: setattr(bpy.data.objects["Cube.001"], "location", (1.6, 1.0, -2.0)),
+        lambda: setattr(scene.render, "resolution_x", WIDTH + 2),
+    ):
+        change()
+        bpy.ops.scfpf.joined_plan(camera=camera.name)
+        del planned[:]
+        jobs.render_anchors(bpy.context, camera)
+        assert not planned
+        change_back = camera.scfpf.anchor_plan
+        camera.scfpf.anchor_plan = plan.text
+        jobs.render_anchors(bpy.context, camera)
+        assert planned and camera.scfpf.anchor_plan == plan.text
+        camera.scfpf.anchor_plan = change_back
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "[1,2,3,4,5,6]", '[1,"",[1,1],1,true,[[[],[],[],[],0]]]'])
+def test_a_damaged_plan_is_none(addon, text):
+    assert addon("anchors.kept_plan").KeptPlan.read(text) is None

@@ -167,3 +167,19 @@ def test_a_refused_cycles_setup_is_one_message(camera):
     with pytest.raises(RuntimeError, match="control surface") as caught:
         bpy.ops.scfpf.cycles_use()
     assert str(caught.value).count("Error") == 1 and "Traceback" not in str(caught.value)
+
+
+def test_the_panel_shows_the_plan_of_another_engines_renders(camera):
+    """How many renders, how much of the picture, and that another size needs another plan."""
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 36, 100
+
+    def shown():
+        return texts(drawn(bpy.types.SCFPF_PT_view))
+
+    assert "Plan" not in shown()
+    assert bpy.ops.scfpf.preset_apply(preset="inverted_perspective") == {"FINISHED"}
+    assert bpy.ops.scfpf.joined_plan(camera=camera.name, engine="EEVEE") == {"FINISHED"}
+    assert "Plan: " in shown() and " renders, " in shown()
+    scene.render.resolution_x = 70
+    assert "Plan of 64 × 36 pixels: plan again" in shown() and "renders" not in shown()

@@ -201,6 +201,7 @@ CASES = {
     "Remove Layer": (layered, OPERATORS.layer_remove),
     "Move Layer": (layered, lambda: OPERATORS.layer_move(direction="UP")),
     "Check Layers": (layered, OPERATORS.layer_check),
+    "Plan Renders": (middle, OPERATORS.joined_plan),
     "Add Straight Line": (pinned, lambda: OPERATORS.aim_line_add(**ends())),
     "Add Stay": (with_cube, lambda: OPERATORS.aim_stay_add(object="Cube")),
     "Remove Target": (pinned, OPERATORS.aim_remove),
