@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..casting.common.cancellation import raise_if_cancelled
-from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob, run_tiles
 from ..projection.typing import Array
 from ..shading.typing import Single
 from .anchor import Anchor
+from .seen_scene import SeenScene
 
 # Rows of an anchor's picture whose depths are traced at once.
 ROWS = 256
@@ -45,9 +45,9 @@ class ViewSet:
     share: float = 1.0
 
 
-def traced_depth(scene: CastScene, anchor: Anchor) -> Single:
+def traced_depth(seen: SeenScene, anchor: Anchor) -> Single:
     """The distances along an anchor's axis of the first hits of its pixels' centres, (H, W), inf for none."""
-    width, height = anchor.size
+    (width, height), scene = anchor.size, seen.scene
     found = np.full((height, width), np.inf, np.float32)
     reach = np.float32(anchor.end - anchor.start)
     for first in range(0, height, ROWS):
@@ -57,13 +57,13 @@ def traced_depth(scene: CastScene, anchor: Anchor) -> Single:
         begin, way = anchor.rays(column, row)
         origin = ((begin - scene.centre[:, None]) * scene.scale).astype(np.float32)
         limits = np.full(len(column), reach, np.float32)
-        distance = scene.mesh.trace_distance(origin, (way * scene.scale).astype(np.float32), limits)
+        distance = seen.distances(origin, (way * scene.scale).astype(np.float32), limits)
         depth = np.where(distance < reach, distance + np.float32(anchor.start), np.float32(np.inf))
         found[rows] = depth.reshape(len(rows), width)
     return found
 
 
-def traced_views(scene: CastScene, anchors: Sequence[Anchor], threads: int = 0) -> list[AnchorView]:
+def traced_views(scene: SeenScene, anchors: Sequence[Anchor], threads: int = 0) -> list[AnchorView]:
     """What anchors see. threads: 0 for all cores. Raises Cancelled."""
     found: dict[int, Single] = {}
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.typing import Array, IndexArray
 from ..projection.volume.viewing_volume import Projection
@@ -21,6 +20,7 @@ from .anchor import Anchor
 from .anchor_view import AnchorView, ViewSet, traced_views
 from .join import asked, find_texels
 from .plan import Camera, CameraOfPart, Cover, PlanLimits, camera_matrix, looking_along
+from .seen_scene import SeenScene
 from .shown_points import ShownPoints, joined_points, shown_points
 
 # Positions that are looked at along a side, at most.
@@ -52,7 +52,7 @@ class CompletedSet:
 
 
 def completed(
-    scene: CastScene,
+    scene: SeenScene,
     projection: Projection,
     size: tuple[int, int],
     views: Sequence[AnchorView],
@@ -85,7 +85,7 @@ def completed(
 
 
 def looked_through(
-    scene: CastScene,
+    scene: SeenScene,
     projection: Projection,
     size: tuple[int, int],
     views: Sequence[AnchorView],

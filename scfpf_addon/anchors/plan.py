@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..casting.common.cancellation import raise_if_cancelled
-from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor, Window
+from .seen_scene import SeenScene
 from .shown_points import ShownPoints, joined_points, shown_points
 
 # Image positions along the longer side that the first round looks at, and those of the second one.
@@ -106,7 +106,7 @@ class _Candidate:
 
 
 def plan_anchors(
-    scenes: Sequence[CastScene],
+    scenes: Sequence[SeenScene],
     projections: Sequence[Projection],
     size: tuple[int, int],
     axes: Array,
@@ -137,7 +137,7 @@ def plan_anchors(
 
 
 def have_one_eye(
-    scenes: Sequence[CastScene], projections: Sequence[Projection], size: tuple[int, int]
+    scenes: Sequence[SeenScene], projections: Sequence[Projection], size: tuple[int, int]
 ) -> bool:
     """Return whether all projectors of each frame come from one point."""
     looked = zip(scenes, projections, strict=True)
@@ -145,16 +145,16 @@ def have_one_eye(
 
 
 def sky_anchors(
-    scene: CastScene, projection: Projection, size: tuple[int, int], axes: Array, limits: PlanLimits
+    scene: SeenScene, projection: Projection, size: tuple[int, int], axes: Array, limits: PlanLimits
 ) -> list[Anchor]:
     """Anchors of the world alone, in the middle of a scene, for what projectors see that meet nothing."""
     points = sky_points(scene, projection, size)
     if not len(points.number):
         return []
-    return _from_one_eye(at_infinity(points, scene.centre), scene.centre, axes, size, limits)
+    return _from_one_eye(at_infinity(points, scene.scene.centre), scene.scene.centre, axes, size, limits)
 
 
-def sky_points(scene: CastScene, projection: Projection, size: tuple[int, int]) -> ShownPoints:
+def sky_points(scene: SeenScene, projection: Projection, size: tuple[int, int]) -> ShownPoints:
     """Return the points whose projectors meet no thing, of a grid over the image."""
     points = _looked_at([scene], [projection], size, COLUMNS)
     return points.take(np.flatnonzero(~points.is_hit))
@@ -168,7 +168,7 @@ def at_infinity(points: ShownPoints, eye: Array) -> ShownPoints:
 
 
 def _plan(
-    scenes: Sequence[CastScene],
+    scenes: Sequence[SeenScene],
     anchors: Sequence[Anchor],
     points: ShownPoints,
     size: tuple[int, int],
@@ -184,7 +184,7 @@ def _plan(
 
 
 def _looked_at(
-    scenes: Sequence[CastScene], projections: Sequence[Projection], size: tuple[int, int], columns: int
+    scenes: Sequence[SeenScene], projections: Sequence[Projection], size: tuple[int, int], columns: int
 ) -> ShownPoints:
     """The points that images show at positions of a grid. number: of the position in the grid."""
     longer = max(size)
@@ -312,12 +312,16 @@ def serves(anchor: Anchor, points: ShownPoints, limits: PlanLimits) -> BoolArray
     return seen
 
 
-def _unhidden(scenes: Sequence[CastScene], anchor: Anchor, points: ShownPoints, sees: BoolArray) -> BoolArray:
+def _unhidden(scenes: Sequence[SeenScene], anchor: Anchor, points: ShownPoints, sees: BoolArray) -> BoolArray:
     """Return which of the points that an anchor serves, (N,), it sees, (N,)."""
     seen = np.zeros(len(sees), bool)
-    for frame, scene in enumerate(scenes):
-        which = np.flatnonzero(sees & (points.frame == frame))
+    for frame, each in enumerate(scenes):
+        which, scene = np.flatnonzero(sees & (points.frame == frame)), each.scene
         if not len(which):
+            continue
+        # Faces that are seen from one side may hide a point or not: the look-up knows.
+        if (hiding := each.two_sided) is None:
+            seen[which] = True
             continue
         position = points.position.take(which, 1)
         depth = anchor.places(position).depth
@@ -326,14 +330,14 @@ def _unhidden(scenes: Sequence[CastScene], anchor: Anchor, points: ShownPoints, 
         distance = (depth - anchor.start) / np.maximum(cosine, 1e-6)
         inside = (position - scene.centre[:, None]) * scene.scale
         origin = scene.offset_origins(inside, points.triangle.take(which), back)
-        seen[which] = ~scene.occluded(origin, back, distance * scene.scale)
+        seen[which] = ~hiding.occluded(origin, back, distance * scene.scale)
     return seen
 
 
 class Cover:
     """The greedy choice of anchors. scenes: of each frame of the points. size: of the image in pixels."""
 
-    def __init__(self, scenes: Sequence[CastScene], size: tuple[int, int], limits: PlanLimits) -> None:
+    def __init__(self, scenes: Sequence[SeenScene], size: tuple[int, int], limits: PlanLimits) -> None:
         self._scenes, self._size, self._limits = scenes, size, limits
 
     def serving(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:

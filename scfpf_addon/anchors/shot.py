@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor
 from .anchor_view import AnchorView, ViewSet, traced_views, without_unused
 from .completion import completed, looked_through
 from .plan import PlanLimits, have_one_eye, plan_anchors
+from .seen_scene import SeenScene
 
 # Frames that are planned together, and those after a change of anchors in which both are mixed.
 TOGETHER, FADE = 16, 9
@@ -52,7 +52,7 @@ class Shot:
     def plan(
         self,
         place: int,
-        scenes: Sequence[CastScene],
+        scenes: Sequence[SeenScene],
         projections: Sequence[Projection],
         size: tuple[int, int],
         axes: Array,
@@ -82,7 +82,7 @@ class Shot:
 
 
 def completed_sets(
-    scene: CastScene,
+    scene: SeenScene,
     projection: Projection,
     size: tuple[int, int],
     sets: Sequence[AnchorSet],

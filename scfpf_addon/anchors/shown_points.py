@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.cast import cast
 from ..casting.curves.sampled_curves import MOST_SQUEEZE, across, pixel_widths
-from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection, image_derivatives
+from .seen_scene import SeenScene
 
 
 class ShownPoints(NamedTuple):
@@ -53,7 +52,7 @@ def joined_points(parts: Sequence[ShownPoints]) -> ShownPoints:
 
 
 def shown_points(
-    scene: CastScene,
+    seen: SeenScene,
     projection: Projection,
     x: Array,
     y: Array,
@@ -64,7 +63,8 @@ def shown_points(
 
     projection: in world space. pixel_size, pixel_error: as for ``cast``. Raises CastError.
     """
-    hits = cast(scene, projection.transformed(scene.matrix), x, y, pixel_size, pixel_error)
+    scene = seen.scene
+    hits = seen.first_hits(projection, x, y, pixel_size, pixel_error)
     kept = np.flatnonzero(hits.mask)
     t, triangle = hits.t.take(kept), hits.triangle.take(kept).astype(np.int64)
     is_hit = triangle >= 0

@@ -14,6 +14,7 @@ from ..anchors.completion import completed
 from ..anchors.join import join_sky
 from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
+from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import AnchorSet, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
 from ..bridge.scene.read_visibility import rendered_objects
@@ -26,6 +27,7 @@ from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
+from .backface_culling import one_sided
 from .joined_tiles import Pictures, joined_pixels
 from .render_times import TakenTime, note_time
 
@@ -66,7 +68,7 @@ class AnchoredRender:
         """Plan the picture without rendering it; None if the camera's own view is all. Raises USER_ERRORS."""
         inputs, axes = self._read(camera)
         if not inputs.is_ordinary:
-            self._planned(_shown(inputs), inputs, axes, camera)
+            self._planned(self._seen(inputs), inputs, axes, camera)
         return self.plan
 
     def steps(self, camera) -> Iterator[str]:
@@ -83,7 +85,7 @@ class AnchoredRender:
             return
         settings = inputs.settings
         size = settings.width, settings.height
-        shown = _shown(inputs)
+        shown = self._seen(inputs)
         seen, is_one_eye = self._planned(shown, inputs, axes, camera)
         del camera
         sky: list[Anchor] = []
@@ -126,8 +128,18 @@ class AnchoredRender:
             raise UserError(LAYERS, engine_name(scene))
         return inputs, axes
 
+    def _seen(self, inputs: RenderInputs) -> SeenScene:
+        """What the engine's cameras see of a scene. Raises CastError, and UserError if it is nothing."""
+        geometry = inputs.scene.geometry
+        scene = CastScene(geometry.vertices, geometry.triangles)
+        shown = scene.only(visible_to(geometry.visibility, CAMERA))
+        if shown is None:
+            raise UserError(NOTHING)
+        names = inputs.scene.material_names
+        return SeenScene(shown, one_sided(self._passing.scene, names, geometry.material))
+
     def _planned(
-        self, shown: CastScene, inputs: RenderInputs, axes: np.ndarray, camera
+        self, shown: SeenScene, inputs: RenderInputs, axes: np.ndarray, camera
     ) -> tuple[Pictures, bool]:
         """The views of the picture's anchors without colors, and whether all its projectors have one eye."""
         settings, projection = inputs.settings, inputs.projection
@@ -150,7 +162,7 @@ class AnchoredRender:
         return Pictures(views, sets), plan.is_one_eye
 
     def _sets_of_shot(
-        self, shot: Shot, shown: CastScene, inputs: RenderInputs, axes: np.ndarray, camera
+        self, shot: Shot, shown: SeenScene, inputs: RenderInputs, axes: np.ndarray, camera
     ) -> list[AnchorSet]:
         """The sets of anchors that a shot has for the picture, [] if it has none."""
         if needed := shot.needs(self._place):
@@ -161,7 +173,7 @@ class AnchoredRender:
             for each in there:
                 pairs = ((getattr(each.scene.geometry, name), getattr(still, name)) for name in SHAPE)
                 is_same = all(np.array_equal(one, other) for one, other in pairs)
-                scenes.append(shown if is_same else _shown(each))
+                scenes.append(shown if is_same else self._seen(each))
             size = inputs.settings.width, inputs.settings.height
             shot.plan(self._place, scenes, projections, size, axes)
         return shot.sets(self._place)
@@ -204,16 +216,6 @@ class AnchoredRender:
         return self._passing.kept(color)
 
 
-def _shown(inputs: RenderInputs) -> CastScene:
-    """What the camera sees of a scene. Raises CastError, and UserError if it is nothing."""
-    geometry = inputs.scene.geometry
-    scene = CastScene(geometry.vertices, geometry.triangles)
-    shown = scene.only(visible_to(geometry.visibility, CAMERA))
-    if shown is None:
-        raise UserError(NOTHING)
-    return shown
-
-
 def _digest(inputs: RenderInputs) -> str:
     """The digest of what a plan of the picture depends on."""
     geometry, settings = inputs.scene.geometry, inputs.settings
@@ -223,7 +225,7 @@ def _digest(inputs: RenderInputs) -> str:
 
 
 def lacking_sky(
-    scene: CastScene,
+    scene: SeenScene,
     projection: Projection,
     size: tuple[int, int],
     axes: np.ndarray,

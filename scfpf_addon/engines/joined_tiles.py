@@ -10,10 +10,11 @@ import numpy as np
 from ..anchors.anchor_view import AnchorView, ViewSet
 from ..anchors.join import join, join_sky
 from ..anchors.plan import PlanLimits
+from ..anchors.seen_scene import SeenScene
 from ..anchors.shown_points import shown_points
 from ..bridge.render.render_inputs import RenderInputs
-from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
+from ..projection.typing import BoolArray
 from ..shading.frame import render_frame
 from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
@@ -29,7 +30,7 @@ class Pictures:
 
 
 def joined_pixels(
-    inputs: RenderInputs, scene: CastScene, seen: Pictures, worlds: Pictures
+    inputs: RenderInputs, scene: SeenScene, seen: Pictures, worlds: Pictures
 ) -> tuple[Single, float]:
     """The picture (H, W, 4), and the share of its pixels that no anchor shows: the engine colors these.
 
@@ -73,8 +74,31 @@ def joined_pixels(
         holes[rows] = made[1].reshape(-1, width)
 
     run_tiles(work, image_tiles(width, height), settings.threads, finished)
-    if holes.any():
+    if holes.any() and scene.one_sided is not None:
+        # The engine would show backs that the renders leave out.
+        fill(pixels, holes)
+    elif holes.any():
         frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
         if frame is not None:
             pixels[holes] = frame.pixels[holes]
     return pixels, float(holes.mean())
+
+
+def fill(pixels: Single, holes: BoolArray) -> None:
+    """Fill the holes (H, W) of a picture (H, W, 4) from their borders inwards, with what is beside them."""
+    left = holes.copy()
+    while left.any() and not left.all():
+        row, column = np.nonzero(left)
+        total, count = np.zeros((len(row), 4), np.float32), np.zeros(len(row), np.float32)
+        for step in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            beside = (
+                np.clip(row + step[0], 0, left.shape[0] - 1),
+                np.clip(column + step[1], 0, left.shape[1] - 1),
+            )
+            is_there = ~left[beside]
+            total += pixels[beside] * is_there[:, None]
+            count += is_there
+        found = count > 0.0
+        own = row[found], column[found]
+        pixels[own] = total[found] / count[found, None]
+        left[own] = False

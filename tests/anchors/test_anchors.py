@@ -13,6 +13,7 @@ from scfpf_addon.anchors.anchor_view import AnchorView, traced_views
 from scfpf_addon.anchors.completion import completed
 from scfpf_addon.anchors.join import find_texels, join_sky
 from scfpf_addon.anchors.plan import PlanLimits, common_eye, nearest_to_lines, plan_anchors, sky_anchors
+from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.anchors.shown_points import shown_points
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -23,6 +24,11 @@ from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolu
 SIZE = (96, 54)
 PRESETS = Path(__file__).parents[2] / "presets"
 AXES = np.eye(3)
+
+
+def seen(vertices, triangles):
+    """Faces that are seen from both sides."""
+    return SeenScene(CastScene(vertices, triangles))
 
 
 def at(surface, x=0.0, y=0.0, z=0.0):
@@ -43,7 +49,7 @@ def room():
         middle *= generator.uniform(3.0, 8.0) / np.linalg.norm(middle)
         vertices.append(corners / 9.0 * generator.uniform(0.2, 0.8) + middle)
         triangles.append(cube + 8 * number)
-    return CastScene(np.concatenate(vertices), np.concatenate(triangles))
+    return seen(np.concatenate(vertices), np.concatenate(triangles))
 
 
 def frustum():
@@ -126,7 +132,7 @@ def test_the_anchors_of_known_cameras(projection, most, is_one_eye):
 @pytest.mark.parametrize("build", [boxes, columns])
 @pytest.mark.parametrize("angle", [10, 60])
 def test_positions_of_bent_volumes(build, angle):
-    scene = CastScene(*build(2000))
+    scene = seen(*build(2000))
     plan, off, holes = joined(scene, bent_projection(2, math.radians(angle)))
     assert 1 < len(plan.anchors) <= 64 and not plan.is_one_eye
     assert (off < 0.5).mean() > 0.99 and holes < 0.03
@@ -192,7 +198,7 @@ def test_lines_through_a_point_are_recognised():
 def test_what_hides_a_point_is_not_taken_for_it():
     """A plate that stands between an anchor and a wall covers part of it; its colours are not the wall's."""
     vertices = np.array([[-9, -9, -5], [9, -9, -5], [0, 18, -5], [-1, -1, -2], [1, -1, -2], [0, 1, -2.0]])
-    scene = CastScene(vertices, np.array([[0, 1, 2], [3, 4, 5]], np.int32))
+    scene = seen(vertices, np.array([[0, 1, 2], [3, 4, 5]], np.int32))
     x, y = pixel_centres(48, 27, (0, 27))
     points = shown_points(scene, parallel(), x, y, (1 / 48, 1 / 27))
     wall = points.take(np.flatnonzero(points.triangle == 0))
@@ -215,7 +221,7 @@ def test_what_hides_a_point_is_not_taken_for_it():
 
 def test_the_sky_is_looked_up_by_direction():
     """A sky that is painted with its directions comes back as those of the projectors."""
-    scene, projection = CastScene(*boxes(200)), panorama()
+    scene, projection = seen(*boxes(200)), panorama()
     size = (90, 40)
     anchors = sky_anchors(scene, projection, size, AXES, PlanLimits())
     assert 1 <= len(anchors) <= 6
@@ -236,7 +242,7 @@ def test_the_sky_is_looked_up_by_direction():
 
 
 def test_projectors_from_many_places_have_no_common_eye():
-    scene = CastScene(*boxes(500))
+    scene = seen(*boxes(500))
     x, y = pixel_centres(24, 14, (0, 14))
     points = shown_points(scene, bent_projection(2, math.radians(60)), x, y, (1 / 24, 1 / 14))
     assert common_eye(points) is None

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.anchors.join import join
 from scfpf_addon.anchors.plan import PlanLimits
+from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.anchors.shot import FADE, TOGETHER, Shot, completed_sets
 from scfpf_addon.anchors.shown_points import shown_points
 from scfpf_addon.casting.frame import pixel_centres
@@ -19,6 +20,11 @@ SIZE = (96, 54)
 FRAMES = 48
 # What the volume moves from frame to frame; the scene is two units wide.
 STEP = 0.004
+
+
+def seen(vertices, triangles):
+    """Faces that are seen from both sides."""
+    return SeenScene(CastScene(vertices, triangles))
 
 
 def moved(frame):
@@ -50,7 +56,7 @@ def film():
 
     A change is that of what a pixel shows: of the same point of the surface, by the next frame's anchors.
     """
-    scene, shot, numbers, kept, frames, before = CastScene(*boxes(2000)), Shot(FRAMES), {}, [], [], None
+    scene, shot, numbers, kept, frames, before = seen(*boxes(2000)), Shot(FRAMES), {}, [], [], None
     for place in range(FRAMES):
         if needed := shot.needs(place):
             projections = [moved(each) for each in needed]
@@ -101,7 +107,7 @@ def test_gloss_does_not_pop(film):
 def test_sets_fade_into_each_other(film):
     """By equal steps, which end before the next change."""
     shot = Shot(3 * TOGETHER)
-    scene = CastScene(*boxes(200))
+    scene = seen(*boxes(200))
     for place in (0, TOGETHER):
         assert shot.needs(place)[0] == place
         shot.plan(place, [scene] * 3, [moved(each) for each in shot.needs(place)], SIZE, np.eye(3))

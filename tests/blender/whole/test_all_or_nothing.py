@@ -236,8 +236,8 @@ CASES = {
         by_cycles,
         lambda: OPERATORS.joined_render(camera="Camera"),
         "engines.anchor_scene.AnchorScene._prepare anchors.plan.plan_anchors "
-        "engines.anchor_scene.AnchorScene.look_through engines.anchored_render.traced_depth "
-        "engines.anchored_render.shown_points engines.anchored_render.join",
+        "engines.anchor_scene.AnchorScene.look_through engines.anchored_render.traced_views "
+        "engines.joined_tiles.shown_points engines.joined_tiles.join anchors.completion.looked_through",
     ),
     "Add View": (
         box,

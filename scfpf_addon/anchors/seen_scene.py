@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What cameras of an engine see of a scene: some engines leave out the backs of some materials' faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..casting.cast import cast
+from ..casting.common.hits import Hits
+from ..casting.continuation import TileProjectors
+from ..casting.scene.cast_scene import CastScene
+from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ..projection.volume.viewing_volume import Projection
+from ..shading.typing import Single
+
+# Backs that a ray passes, at most: what lies behind more is seen as the last of them.
+MOST_PASSED = 64
+# A ray begins anew behind a back, at most this share of its limit farther if it grazes the face.
+LARGEST_STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class SeenScene:
+    """A scene and its faces that are seen from the front only, (T,); None if all are seen from both sides."""
+
+    scene: CastScene
+    one_sided: BoolArray | None = None
+
+    @cached_property
+    def two_sided(self) -> CastScene | None:
+        """The faces that are seen from both sides, None if there are none."""
+        return self.scene.only(None if self.one_sided is None else ~self.one_sided)
+
+    def first_hits(
+        self,
+        projection: Projection,
+        x: Array,
+        y: Array,
+        pixel_size: tuple[float, float],
+        pixel_error: float,
+    ) -> Hits:
+        """The first hits of projectors that are seen. projection: in world space. See ``cast``."""
+        projection = projection.transformed(self.scene.matrix)
+        hits = cast(self.scene, projection, x, y, pixel_size, pixel_error)
+        if self.one_sided is None:
+            return hits
+        tile = TileProjectors(self.scene, projection, x, y, hits.mask, pixel_size, pixel_error)
+        for _ in range(MOST_PASSED):
+            which = np.flatnonzero(self._is_back(hits.triangle, hits.tangent))
+            if not len(which):
+                break
+            hits.put(which, tile.next_hits(which, hits.t[which], hits.triangle[which]))
+        return hits
+
+    def distances(self, origin: Float32Array, way: Float32Array, limits: Float32Array) -> Single:
+        """The distances (N,) of the first faces that rays see, the limit for none. See ``TracedMesh``."""
+        mesh = self.scene.mesh
+        found: Single = mesh.trace_distance(origin, way, limits)
+        if self.one_sided is None:
+            return found
+        triangle = mesh.trace(origin, way, limits)
+        for _ in range(MOST_PASSED):
+            which = np.flatnonzero(self._is_back(triangle, way))
+            if not len(which):
+                break
+            start, own = origin.take(which, 1), way.take(which, 1)
+            begin = found[which] + self._step(triangle[which], start + own * found[which], own, limits[which])
+            rays = start + own * begin, own
+            rest = np.maximum(limits[which] - begin, np.float32(0.0))
+            found[which] = np.minimum(begin + mesh.trace_distance(*rays, rest), limits[which])
+            triangle[which] = mesh.trace(*rays, rest)
+        return found
+
+    def _step(
+        self, triangle: IndexArray, position: Float32Array, way: Float32Array, limits: Float32Array
+    ) -> Float32Array:
+        """The distances (n,) by which rays leave faces that they pass at positions (3, n)."""
+        off = self.scene.offsets(triangle, position)
+        speed = np.abs(np.einsum("cn,cn->n", self.scene.normals(triangle), way))
+        largest = LARGEST_STEP * limits
+        step = np.divide(off, speed, out=largest.astype(np.float64), where=speed * largest > off)
+        left: Float32Array = step.astype(np.float32)
+        return left
+
+    def _is_back(self, triangle: IndexArray, way: NDArray[Any]) -> BoolArray:
+        """Return which rays (N,) meet a face at its back that is not seen."""
+        assert self.one_sided is not None
+        is_back: BoolArray = (triangle >= 0) & self.one_sided[triangle]
+        which = np.flatnonzero(is_back)
+        normal = self.scene.normals(triangle[which])
+        is_back[which] = np.einsum("cn,cn->n", normal, way.take(which, 1)) > 0.0
+        return is_back
