@@ -92,9 +92,9 @@ SCREEN = (
     Step("Choose *Add › Camera › Flexible Camera from Screen*.", _from_screen),
 )
 SCREEN_MORE = (
-    "The camera follows the eye and the screen when you move them. The picture shows what is behind the "
-    "screen, as seen from the eye, pixel by pixel of its UV map. [The guide](../guide.md#ways-to-a-picture) "
-    "says more."
+    "The camera follows the eye and the screen when you move them. The picture shows the scene without the "
+    "screen, as seen from the eye, pixel by pixel of its UV map. What stands before the screen pops out of "
+    "it, as long as the screen is behind all of it. [The guide](../guide.md#ways-to-a-picture) says more."
 )
 
 RECIPES = (
@@ -209,7 +209,7 @@ RECIPES = (
     Recipe(
         "anamorphic-billboard",
         "An anamorphic billboard at a corner",
-        "Two walls whose picture becomes a room when it is seen from the right place.",
+        "Two walls whose picture becomes a room when it is seen from the right place, and a ball pops out.",
         scenes.billboard,
         (size(1200, 460), *SCREEN, render()),
         SCREEN_MORE + " For one flat wall there is the preset *Anamorphic Billboard* as well.",

@@ -11,6 +11,8 @@ from ..render_demo import build_street
 
 # Where a screen's viewer stands.
 EYE = (0.0, -13.0, 1.7)
+# The stripes of the ball before a billboard.
+STRIPES = 12
 
 
 def land():
@@ -184,8 +186,25 @@ def led_wall():
 
 
 def billboard():
-    """Two walls of a house's corner, seen aslant."""
-    return _with_screen(*_strip([(-5.0, -6.5), (0.8, -7.5), (4.2, -3.8)], 0.4, 4.6))
+    """Two walls of a house's corner, seen aslant, and a striped ball between them and the eye."""
+    import bpy
+
+    from ..mesh import material
+
+    scene = _with_screen(*_strip([(-5.0, -6.5), (0.8, -7.5), (4.2, -3.8)], 0.4, 4.6))
+    place, turn = (-0.85, -9.6, 2.5), (math.radians(35), math.radians(25), 0.0)
+    bpy.ops.mesh.primitive_uv_sphere_add(
+        segments=STRIPES * 8, ring_count=32, radius=0.5, location=place, rotation=turn
+    )
+    ball = bpy.context.view_layer.objects.active
+    ball.name = "Ball"
+    ball.data.shade_smooth()
+    for name, color in (("Red Stripe", (0.62, 0.05, 0.03)), ("White Stripe", (0.85, 0.83, 0.78))):
+        ball.data.materials.append(material(name, color, 0.35))
+    for face in ball.data.polygons:
+        around = math.atan2(face.center.y, face.center.x) / math.tau % 1.0
+        face.material_index = int(around * STRIPES) % 2
+    return scene
 
 
 def dome():

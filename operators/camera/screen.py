@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the camera whose image, shown on a screen, looks right from an eye."""
 
+from __future__ import annotations
+
 import bpy
 import numpy as np
+from bpy.props import BoolProperty
 
 from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_to_camera
 from ...scfpf_addon.bridge.camera.screen_camera import look_at, screen_points, volume_from_screen
@@ -21,6 +24,12 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
 
     bl_idname = "scfpf.camera_from_screen"
     bl_label = "Flexible Camera from Screen"
+
+    pop_out: BoolProperty(
+        name="Pop Out",
+        description="Show what stands between the eye and the screen, too, as if it came out of the screen",
+        default=True,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -48,7 +57,9 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
             holder = context.collection if context.collection.is_editable else scene.collection
             holder.objects.link(camera)
             context.view_layer.update()
-            volume_from_screen(camera, screen, points, boxes.whole.corners if boxes else points.T)
+            volume_from_screen(
+                camera, screen, points, boxes.whole.corners if boxes else points.T, self.pop_out
+            )
             projection = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(scene))
             approximate_lens(camera, projection.transformed(world_to_camera(camera)))
             select_only(context, camera)

@@ -24,6 +24,7 @@ from ..bridge.blender.scene_objects import holds
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.sync.camera_sync import camera_objects
 from ..bridge.volume.camera_members import grids_of, surfaces_of
+from ..bridge.volume.screens import screens_of
 
 # Lattices are not rendered.
 RENDERED = {"MESH", "SURFACE"}
@@ -82,12 +83,15 @@ def hidden_from_rigs() -> set:
 
 
 def _surfaces(candidates) -> dict[int, bpy.types.Object]:
-    """Surfaces and mapping grids of the cameras among ``candidates``, by session id; no render shows them."""
+    """Surfaces, mapping grids and screens of the cameras among ``candidates``, by session id.
+
+    No render shows them.
+    """
     found = {}
     for camera in candidates:
         if camera.type != "CAMERA":
             continue
-        for member in surfaces_of(camera) + grids_of(camera):
+        for member in surfaces_of(camera) + grids_of(camera) + screens_of(camera):
             if member.type in RENDERED:
                 found[member.session_uid] = member
     return found

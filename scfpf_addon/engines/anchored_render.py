@@ -19,6 +19,7 @@ from ..anchors.shot import AnchorSet, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
 from ..bridge.scene.read_visibility import rendered_objects
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
+from ..bridge.volume.screens import screens_of
 from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
 from ..cycles.engine_choice import engine_name
@@ -38,6 +39,9 @@ SHAPE = ("vertices", "triangles", "visibility")
 LARGEST = 1e6
 NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
 LAYERS = "Layers are not joined from renders by '{0}': render with SCFPF, or layers with Cycles"
+SCREEN = (
+    "'{0}' hides what pops out of it from '{1}': switch it off in renders, or render with SCFPF or Cycles"
+)
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
 LEFT_OUT = "Left out of pictures that are joined: {0}"
 AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
@@ -126,6 +130,9 @@ class AnchoredRender:
         inputs, axes = with_render_depsgraph(scene, scene.view_layers[0], read)
         if inputs.projection.layers:
             raise UserError(LAYERS, engine_name(scene))
+        for screen in screens_of(camera):
+            if not screen.hide_render:
+                raise UserError(SCREEN, screen.name, engine_name(scene))
         return inputs, axes
 
     def _seen(self, inputs: RenderInputs) -> SeenScene:

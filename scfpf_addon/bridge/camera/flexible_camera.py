@@ -31,6 +31,7 @@ from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.uv_mesh import mesh_kind
 from ..volume import edit_mode
 from ..volume.camera_members import all_cameras, cameras_with, grids_of, surfaces_of
+from ..volume.screens import screens_of
 from ..volume.volume_object import is_volume_object, sync_volume_object
 from .ordinary_camera import frustum
 from .shown_lens import approximate_lens, size_frame
@@ -364,11 +365,14 @@ def volume_from_camera(camera, scene) -> None:
 def control_objects() -> set[str]:
     """Full names of the objects that no image shows: control surfaces, volume objects, parts of Cycles rigs.
 
+    So are screens that things pop out of.
+
     ``name_full`` differs between a local object and a linked one of the same name.
     """
     names = {part.name_full for part in bpy.data.objects if is_rig_part(part)}
     for camera in all_cameras():
         volume = camera.scfpf.volume_object
-        members = surfaces_of(camera) + grids_of(camera) + ([] if volume is None else [volume])
+        members = surfaces_of(camera) + grids_of(camera) + screens_of(camera)
+        members += [] if volume is None else [volume]
         names.update(member.name_full for member in members)
     return names

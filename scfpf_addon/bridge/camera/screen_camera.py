@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera whose near surface is a screen: straight projectors run through the screen, away from an eye.
+"""A camera whose image is made for a screen: straight projectors run through the screen, away from an eye.
 
 The square of the screen's UV map is the image. Shown on the screen, the image looks from the eye as the scene
-behind the screen does. Both surfaces are the screen's own mesh, scaled away from the camera by Geometry
-Nodes: they follow the screen, its modifiers, and the camera, which is the eye.
+does without the screen. Projectors begin at the screen or, for things that pop out of it, near the eye; then
+no image shows the screen itself. Both surfaces are the screen's own mesh, scaled away from the camera by
+Geometry Nodes: they follow the screen, its modifiers, and the camera, which is the eye.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from ...projection.user_error import UserError
 from ..blender.modifier_inputs import input_identifiers, set_inputs
 from ..blender.node_builder import NodeBuilder
 from ..surfaces.uv_mesh import read_uv_mesh
+from ..volume.screens import EYE, GROUP_NAME, SCALE, SCREEN
 from .flexible_camera import NewSurface, make_flexible, replace_surfaces
 
-GROUP_NAME = "SCFPF Screen Surface"
-# The group's inputs, by name.
-SCREEN, EYE, SCALE = "Screen", "Eye", "Scale"
 # Projectors begin this share of the screen's distance behind it, so that they do not meet the screen itself.
 BEHIND = 1e-4
+# With things that pop out, they begin at this share of the way from the eye to the screen.
+NEAR_EYE = 0.01
 # The far surface lies at this multiple of the farthest point's distance, and of the screen's at least.
 FAR_MARGIN, LEAST_FAR = 1.25, 2.0
 # An eye that is nearer than this share of the screen's size lies on the screen.
@@ -43,11 +44,12 @@ def look_at(camera, eye, points) -> None:
     camera.matrix_world = turn
 
 
-def volume_from_screen(camera, screen, points, scene_corners) -> None:
+def volume_from_screen(camera, screen, points, scene_corners, pops_out: bool) -> None:
     """Replace a camera's volume by what can be seen through a screen from the camera's place.
 
     points: (3, N), the screen's vertices. scene_corners: (M, 3), which the volume reaches beyond. Both in
-    world space. Raises UserError if the camera stands on the screen.
+    world space. pops_out: whether the volume begins near the eye, not behind the screen. Raises UserError if
+    the camera stands on the screen.
     """
     eye = np.array(camera.matrix_world.translation, np.float64)
     distances = np.linalg.norm(points - eye[:, None], axis=0)
@@ -59,9 +61,12 @@ def volume_from_screen(camera, screen, points, scene_corners) -> None:
         )
     farthest = float(np.linalg.norm(np.asarray(scene_corners) - eye, axis=1).max(initial=0.0))
     far = max(FAR_MARGIN * farthest / nearest, LEAST_FAR)
-    replace_surfaces(camera, [NewSurface(name, "UV_MESH", np.eye(4)) for name in ("Screen", "Far")])
+    replace_surfaces(
+        camera, [NewSurface(name, "UV_MESH", np.eye(4)) for name in ("Near" if pops_out else "Screen", "Far")]
+    )
     group = _screen_group()
-    for slot, scale in zip(camera.scfpf.surfaces, (1.0 + BEHIND, far), strict=True):
+    near = NEAR_EYE if pops_out else 1.0 + BEHIND
+    for slot, scale in zip(camera.scfpf.surfaces, (near, far), strict=True):
         modifier = slot.object.modifiers.new(GROUP_NAME, "NODES")
         modifier.node_group = group
         set_inputs(modifier, {SCREEN: screen, EYE: camera, SCALE: scale})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera from Screen: its image on the screen looks from the eye as the scene behind the screen does."""
+"""Camera from Screen: its image on the screen looks from the eye as the scene does without the screen."""
 
 import bpy
 import numpy as np
@@ -72,6 +72,14 @@ def stage():
     return screen, eye
 
 
+def select_eye_and_screen():
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    bpy.data.objects["Empty"].select_set(True)
+    bpy.data.objects["Screen"].select_set(True)
+    bpy.context.view_layer.objects.active = bpy.data.objects["Screen"]
+
+
 def photograph(path):
     """Cycles' image through an ordinary camera at the eye, (H, W, 3)."""
     scene = bpy.context.scene
@@ -92,9 +100,17 @@ def photograph(path):
     return load_pixels(path)[..., :3]
 
 
-def test_image_on_its_screen_is_what_a_camera_at_the_eye_sees(stage, tmp_path):
+@pytest.mark.parametrize("pop_out", [False, True])
+def test_image_on_its_screen_is_what_a_camera_at_the_eye_sees(stage, tmp_path, pop_out):
+    """With Pop Out a ball between the eye and the screen is in it."""
     screen, _eye = stage
-    assert bpy.ops.scfpf.camera_from_screen() == {"FINISHED"}
+    if pop_out:
+        bpy.ops.mesh.primitive_uv_sphere_add(
+            segments=96, ring_count=48, radius=0.2, location=(0.3, -1.2, 1.2)
+        )
+        bpy.context.object.data.materials.append(bpy.data.materials["Scene"])
+        select_eye_and_screen()
+    assert bpy.ops.scfpf.camera_from_screen(pop_out=pop_out) == {"FINISHED"}
     button()
     screen.hide_render = True
     wanted = photograph(tmp_path / "scene.exr")
@@ -119,7 +135,7 @@ def test_image_on_its_screen_is_what_a_camera_at_the_eye_sees(stage, tmp_path):
 
 def test_volume_follows_the_screen_and_the_eye(stage, addon):
     screen, eye = stage
-    assert bpy.ops.scfpf.camera_from_screen() == {"FINISHED"}
+    assert bpy.ops.scfpf.camera_from_screen(pop_out=False) == {"FINISHED"}
     camera = bpy.context.scene.camera
     eye.location = (-0.5, -2.0, 1.0)
     screen.location = (0.2, 0.5, 0.1)
@@ -137,6 +153,46 @@ def test_volume_follows_the_screen_and_the_eye(stage, addon):
     x, y, z = near - np.array(screen.location)[:, None]
     assert np.abs(np.arctan2(x, y + 1.5) - turn).max() < 2e-3
     assert np.abs(z - (0.2 + 2 * v)).max() < 1e-3
+
+
+@pytest.mark.usefixtures("stage")
+def test_with_pop_out_projectors_begin_near_the_eye_and_end_where_they_end_without(addon):
+    u, v = np.random.default_rng(4).uniform(0.02, 0.68, (2, 50))
+    ends = []
+    for pop_out in (False, True):
+        select_eye_and_screen()
+        assert bpy.ops.scfpf.camera_from_screen(pop_out=pop_out) == {"FINISHED"}
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        volume = (
+            addon("bridge.camera.read_projection").read_projection(bpy.context.object, depsgraph, 2).volume
+        )
+        ends += [volume.evaluate(u, v, np.full(50, t)).position - np.array([EYE]).T for t in (0.0, 1.0)]
+    on_screen, far, near, same_far = ends
+    assert np.abs(same_far - far).max() < 1e-4
+    assert np.abs(near / 0.01 - on_screen).max() < 1e-3
+
+
+def test_a_screen_that_things_pop_out_of_is_shown_by_ordinary_cameras_alone(stage, addon):
+    """Without Pop Out the screen is in other flexible cameras' images as any thing is."""
+    screen, _eye = stage
+    left_out = addon("bridge.camera.flexible_camera").control_objects
+    assert bpy.ops.scfpf.camera_from_screen(pop_out=False) == {"FINISHED"}
+    assert screen.name_full not in left_out()
+    select_eye_and_screen()
+    assert bpy.ops.scfpf.camera_from_screen() == {"FINISHED"}
+    assert screen.name_full in left_out() and not screen.hide_render and screen.visible_camera
+    for is_seen in (False, True):
+        assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+        bpy.context.view_layer.update()
+        assert screen.visible_camera == is_seen and screen.visible_shadow == is_seen
+
+
+@pytest.mark.usefixtures("stage")
+def test_other_engines_ask_to_hide_the_screen():
+    assert bpy.ops.scfpf.camera_from_screen() == {"FINISHED"}
+    bpy.context.scene.render.engine = "CYCLES"
+    with pytest.raises(RuntimeError, match="'Screen' hides what pops out of it"):
+        bpy.ops.scfpf.joined_render(camera=bpy.context.scene.camera.name)
 
 
 def test_an_eye_on_the_screen_and_a_mesh_without_uvs_are_refused(stage):
