@@ -79,10 +79,12 @@ class SCFPF_MT_aim_add(bpy.types.Menu):
 class _AimSection(Subsection):
     bl_label = "Aim"
     bl_order = 0
+    # Its button makes an ordinary camera flexible.
+    takes_ordinary = True
 
     def draw_settings(self, _context, camera, settings):
         layout = self.layout
-        if not len(settings.aim_targets):
+        if not (settings.enabled and len(settings.aim_targets)):
             column = layout.column(align=True)
             column.operator("scfpf.aim_view_add", icon=ICONS[VIEW])
             column.operator("scfpf.aim_pin_click", icon="EYEDROPPER")

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..operators.common.target import active_object, flexible_camera_of
+from ..operators.common.target import active_object, camera_of, flexible_camera_of
 from ..operators.common.words import translated_label
 
 # Characters that fit a line of the sidebar, roughly.
@@ -40,16 +40,26 @@ class Sidebar:
 
 
 class Subsection:
-    """A part of the panel of a flexible camera. ``bl_order`` puts first what is edited most."""
+    """A part of the panel of a flexible camera. ``bl_order`` puts first what is edited most.
+
+    takes_ordinary: whether it is shown for ordinary cameras, too.
+    """
+
+    takes_ordinary = False
 
     @classmethod
     def poll(cls, context):
-        return flexible_camera_of(context) is not None and super().poll(context)
+        return _camera_for(cls, context) is not None and super().poll(context)
 
     def draw(self, context):
         self.layout.use_property_split = True
-        camera = flexible_camera_of(context)
+        camera = _camera_for(self, context)
         self.draw_settings(context, camera, camera.scfpf)
+
+
+def _camera_for(section, context):
+    """The camera that a section is about, or None."""
+    return camera_of(context) if section.takes_ordinary else flexible_camera_of(context)
 
 
 def section_panels(section: type, name: str) -> tuple[type[bpy.types.Panel], ...]:

@@ -186,7 +186,6 @@ class _MainSection:
         column = layout.column(align=True)
         column.operator("scfpf.camera_toggle", text="Make This Camera Flexible", icon="OUTLINER_OB_CAMERA")
         column.menu("SCFPF_MT_presets", text="Start from a Preset", icon="PRESET")
-        column.operator("scfpf.aim_view_add", text="Turn the Selected: Add View", icon="VIEW_CAMERA")
 
 
 class _StatisticsSection(Subsection):

@@ -36,10 +36,12 @@ class _LayersSection(Subsection):
     bl_label = "Layers"
     bl_order = 0
     bl_options = {"DEFAULT_CLOSED"}
+    # Its button makes an ordinary camera flexible.
+    takes_ordinary = True
 
     def draw_settings(self, _context, camera, settings):
         layout = self.layout
-        if not len(settings.layers):
+        if not (settings.enabled and len(settings.layers)):
             layout.operator("scfpf.layer_add", icon="RENDERLAYERS")
             return
         row = layout.row()

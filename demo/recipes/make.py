@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 from demo.recipes.jobs import RECIPES  # noqa: E402
 from demo.recipes.pages import FOLDER, write  # noqa: E402
 from demo.recipes.steps import Recipe, perform  # noqa: E402
-from demo.render_demo import MODULE, enable_add_on, open_on, scratch_profile  # noqa: E402
+from demo.render_demo import ENGINE, MODULE, enable_add_on, open_on, scratch_profile  # noqa: E402
 from demo.render_gallery import save_jpeg  # noqa: E402
 
 OUTPUT = ROOT / "demo" / "output" / "recipes"
@@ -40,6 +40,8 @@ def make(recipe: Recipe) -> None:
     files.save_result(bpy.data.images[results.IMAGE_NAME], str(raw), bpy.context.scene)
     save_jpeg(raw, FOLDER / f"{recipe.stem}.jpg")
     bpy.data.images.remove(bpy.data.images[results.IMAGE_NAME])
+    # F12 then renders it, too.
+    bpy.context.scene.render.engine = ENGINE
     open_on(bpy.context.scene)
     path = OUTPUT / f"{recipe.stem}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)

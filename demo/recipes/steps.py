@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..render_demo import ENGINE, ROOT
+from ..render_demo import ROOT
 
 Number3 = tuple[float, float, float]
 
@@ -36,10 +36,9 @@ class Recipe(NamedTuple):
 
 
 def begin(recipe: Recipe, percentage: int = 100):
-    """Build the scene of a recipe, and return it. percentage: of the resolution."""
+    """Build the scene of a recipe as its reader has it, and return it. percentage: of the resolution."""
     scene = recipe.build()
-    scene.render.engine, scene.render.resolution_percentage = ENGINE, percentage
-    scene.scfpf_sampling.world_shadows = True
+    scene.render.resolution_percentage = percentage
     for obj in scene.objects:
         obj.select_set(False)
     return scene

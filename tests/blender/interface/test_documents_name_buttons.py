@@ -6,7 +6,7 @@ import re
 
 import bpy
 import pytest
-from recorded_layout import FakePanel, NamingLayout
+from recorded_layout import read_words
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 # The page of settings lists every operator, with those that only keys and handlers call.
@@ -28,19 +28,6 @@ def named():
                 if part.strip() in names:
                     found[part.strip()] = page.name
     return found
-
-
-def read(addon):
-    """The words on all buttons, menus and labels that the panels and menus show at present."""
-    layout, menus = NamingLayout(), addon("panels.menus")
-    for name in dir(bpy.types):
-        cls = getattr(bpy.types, name)
-        if name.startswith("SCFPF_MT_") or (name.startswith("SCFPF_PT_view") and cls.poll(bpy.context)):
-            layout.label(text=cls.bl_label)
-            FakePanel(cls, layout).draw(bpy.context)
-    for entries in (menus._camera_entries, menus._surface_entries, menus._duplicate_entry):
-        entries(FakePanel(menus.SCFPF_MT_surface_add, layout), bpy.context)
-    return {entry[1].removesuffix("...") for entry in layout.record if entry[0] == "label"}
 
 
 def ordinary():
@@ -113,7 +100,7 @@ def test_every_operator_that_a_document_names_is_read_in_a_panel_or_a_menu(addon
         for obj in list(bpy.data.objects):
             bpy.data.objects.remove(obj)
         state()
-        for word in read(addon):
+        for word in read_words(addon):
             wanted.pop(word, None)
     assert not wanted
 

@@ -112,6 +112,10 @@ def test_main_section_without_a_camera_with_an_ordinary_and_with_a_flexible_one(
     bpy.ops.object.camera_add()
     record = drawn(main)
     assert ("operator", "scfpf.camera_toggle") in record and ("operator", "scfpf.render") not in record
+    for section, operator in (("aim", "aim_view_add"), ("layers", "layer_add")):
+        panel = getattr(bpy.types, f"SCFPF_PT_view_{section}")
+        assert panel.poll(bpy.context) and ("operator", f"scfpf.{operator}") in drawn(panel)
+    assert not bpy.types.SCFPF_PT_view_surfaces.poll(bpy.context)
     bpy.ops.scfpf.camera_toggle()
     record = drawn(main)
     assert ("operator", "scfpf.render") in record

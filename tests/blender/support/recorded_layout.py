@@ -112,3 +112,22 @@ def drawn(cls, context=None):
 
 def texts(record):
     return " ".join(entry[1] for entry in record if entry[0] == "label")
+
+
+def read_words(addon, panel=None):
+    """The words on all buttons, menus and labels that the sidebar's panels and the menus show at present.
+
+    panel: the title of the only panel to read, without menus.
+    """
+    layout, menus = NamingLayout(), addon("panels.menus")
+    for name in dir(bpy.types):
+        cls = getattr(bpy.types, name)
+        is_panel = name.startswith("SCFPF_PT_view") and cls.poll(bpy.context)
+        if is_panel and panel in (None, cls.bl_label):
+            layout.label(text=cls.bl_label)
+        if (is_panel and panel in (None, cls.bl_label)) or (name.startswith("SCFPF_MT_") and panel is None):
+            FakePanel(cls, layout).draw(bpy.context)
+    entries = (menus._camera_entries, menus._surface_entries, menus._duplicate_entry)
+    for draw in entries if panel is None else ():
+        draw(FakePanel(menus.SCFPF_MT_surface_add, layout), bpy.context)
+    return {entry[1].removesuffix("...") for entry in layout.record if entry[0] == "label"}
