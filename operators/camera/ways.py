@@ -7,7 +7,7 @@ from ...scfpf_addon.bridge.blender.draw_handler import DrawHandler
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
-from ...scfpf_addon.bridge.live.live_drawing import SHADINGS
+from ...scfpf_addon.bridge.camera.live_camera import SHADINGS
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import renders_by_cycles
 from ...scfpf_addon.cycles.prices import compute

@@ -11,6 +11,7 @@ import bmesh
 import bpy
 import numpy as np
 from driver import DRAW, PATIENCE, build_scene
+from mathutils import Vector
 
 # Colours, of 255, that differ by more than rounding and half floats.
 OTHER = 3
@@ -108,6 +109,38 @@ def follows(driver):
     space.region_3d.view_perspective = "PERSP"
     yield DRAW
     assert not viewports()
+
+
+def steps_aside_in_edit_mode(driver):
+    """In Edit Mode the viewport shows the mesh as Blender does, and a line says so; no volume is drawn."""
+    camera = yield from look_through(driver)
+    driver.add_camera("perspective")
+    other = bpy.context.object
+    bpy.context.scene.camera = camera
+    other.location = camera.matrix_world @ Vector((0.3, 0.0, -4.0))
+    cube = bpy.data.objects["Cube"]
+    other.select_set(False)
+    cube.select_set(True)
+    bpy.context.view_layer.objects.active = cube
+    yield from settled()
+    driver.shot("before")
+    # Nothing of the other camera's volume is drawn over the image; the cube's outline is part of it.
+    assert_shown(driver, 0.995)
+    with driver.override():
+        bpy.ops.object.mode_set(mode="EDIT")
+    yield DRAW
+    driver.shot("edited")
+    assert not viewports()
+    camera.scfpf.show_live = False
+    before = driver.region_pixels()
+    yield DRAW
+    lines = (np.abs(driver.region_pixels() - before).max(axis=2) > OTHER).mean()
+    assert 0 < lines < 0.05, "there is more or less than a line of text"
+    camera.scfpf.show_live = True
+    with driver.override():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    yield from settled()
+    assert_shown(driver)
 
 
 def dragged(driver, obj, steps=25):
@@ -247,4 +280,4 @@ def ends(driver):
     assert not [thread for thread in threading.enumerate() if "live" in thread.name]
 
 
-SCENARIOS = (follows, drags, edits, plays, ends)
+SCENARIOS = (follows, drags, steps_aside_in_edit_mode, edits, plays, ends)

@@ -12,6 +12,7 @@ from mathutils import Vector
 from ...projection.typing import Array
 from ...projection.user_error import UserError
 from ..blender.draw_handler import DrawHandler
+from ..camera.live_camera import chosen_camera
 from ..overlays.image_marks import MARK, SHADER
 from ..overlays.viewport_overlay import visible_cameras
 from ..settings.aim_properties import PIN, VIEW
@@ -74,6 +75,8 @@ def target_lines(target, depsgraph) -> Array | None:
 def draw_viewport() -> None:
     """The draw handler: the targets of the cameras whose volumes a viewport shows."""
     context = bpy.context
+    if chosen_camera(context) is not None:
+        return  # They would hide what the camera shows.
     looking_through = context.region_data.view_perspective == "CAMERA"
     cameras = visible_cameras(context.scene, context.view_layer, context.space_data, looking_through)
     aimed = [camera for camera in cameras if len(camera.scfpf.aim_targets)]

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from time import perf_counter
 
 import bpy
 import gpu
 
+from ...projection.user_error import Message
 from ..blender.draw_handler import DrawHandler
-from ..blender.user_errors import failure_message
+from ..blender.user_errors import USER_ERRORS, failure_message, translated_report
+from ..camera.live_camera import chosen_camera, live_camera, steps_aside
 from ..overlays.image_marks import draw_cross
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.view_painter import Rectangle
@@ -19,14 +22,14 @@ from .live_view import LiveView, shown_window, sources
 from .region_drawing import draw_image, draw_text, image_texture, pixel_space
 from .surface_wires import draw_wires
 
-# Shadings of a viewport over which live images are drawn.
-SHADINGS = {"SOLID", "MATERIAL"}
 # Seconds for which drawing waits for the first image after a change.
 PATIENCE = 0.09
 # Seconds between two checks for finer images.
 TICK = 0.03
 # The text while there is no image yet.
 BUILDING = "Building the scene of Live View"
+# The text while the viewport shows the camera's ordinary view instead.
+ASIDE = Message("Live View is off while you edit: it comes back in Object Mode")
 
 
 class _Viewport:
@@ -132,17 +135,6 @@ class _Viewport:
 _viewports: dict[int, _Viewport] = {}
 
 
-def live_camera(context):
-    """The flexible camera that a 3D viewport shows live, or None."""
-    space, view = context.space_data, context.region_data
-    if view is None or view.view_perspective != "CAMERA" or space.shading.type not in SHADINGS:
-        return None
-    camera = space.camera if space.use_local_camera else context.scene.camera
-    if camera is None or camera.type != "CAMERA":
-        return None
-    return camera if camera.scfpf.enabled and camera.scfpf.show_live else None
-
-
 def draw_viewport() -> None:
     """The draw handler: the live image of the viewport that is being drawn."""
     context = bpy.context
@@ -152,6 +144,7 @@ def draw_viewport() -> None:
     if camera is None:
         if address in _viewports:
             _viewports.pop(address).view.painter.retire()
+        _draw_aside(context)
         return
     depsgraph = context.evaluated_depsgraph_get()
     viewport = _viewports.get(address)
@@ -166,6 +159,20 @@ def draw_viewport() -> None:
     gpu.state.depth_mask_set(True)
     if (viewport.view.painter.busy or viewport.is_waiting) and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK)
+
+
+def _draw_aside(context) -> None:
+    """Say in the camera's frame why a viewport that is live at other times shows an ordinary view."""
+    camera = chosen_camera(context)
+    if camera is None or not steps_aside(context):
+        return
+    region, depsgraph, frame = context.region, context.evaluated_depsgraph_get(), None
+    with suppress(*USER_ERRORS):
+        eye = viewport_eye(context.space_data, depsgraph)
+        frame = camera_rectangle(camera, depsgraph, region, context.region_data, eye)
+    if frame is not None:
+        with pixel_space(region):
+            draw_text(translated_report(ASIDE), frame, context.preferences.system.ui_scale)
 
 
 def _regions() -> dict[int, bpy.types.Area]:

@@ -13,6 +13,7 @@ import numpy as np
 from ...casting.common.ray_visibility import CAMERA
 from ...projection.typing import Array, BoolArray
 from ...shading.picking.seen import first_seen, may_be_met_in_layers
+from ..camera.live_camera import live_camera
 from ..camera.read_projection import read_projection
 from ..layers.read_image_layers import read_image_layers
 from ..render.render_engine import ENGINE
@@ -21,7 +22,6 @@ from ..scene.instances import MeshTable, copies_shown, instances
 from ..scene.mesh_arrays import read_mesh, without_slots
 from ..scene.read_materials import unmet_slots
 from ..scene.read_visibility import ObjectKey, ShownInRenders
-from .live_drawing import live_camera
 
 
 class Place(NamedTuple):

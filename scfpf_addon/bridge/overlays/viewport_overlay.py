@@ -20,6 +20,7 @@ from ...projection.diagrams.projector_lines import projector_point
 from ...projection.user_error import UserError
 from ...projection.volume.viewing_volume import Projection
 from ..blender.draw_handler import DrawHandler
+from ..camera.live_camera import chosen_camera
 from ..camera.read_projection import read_projection
 from ..render.image_size import image_aspect
 from ..sync.camera_sync import concerned
@@ -297,6 +298,8 @@ def draw_viewport() -> None:
     """The draw handler: the volumes that the viewport being drawn shows."""
     context = bpy.context
     scene, view_layer = context.scene, context.view_layer
+    if chosen_camera(context) is not None:
+        return  # They would hide what the camera shows.
     looking_through = context.region_data.view_perspective == "CAMERA"
     cameras = visible_cameras(scene, view_layer, context.space_data, looking_through)
     if not cameras:

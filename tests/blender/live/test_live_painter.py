@@ -146,11 +146,15 @@ def test_an_empty_scene(viewport):
 
 
 def test_which_viewports_are_live(addon, camera):
-    live_camera = addon("bridge.live.live_drawing").live_camera
+    live_camera = addon("bridge.camera.live_camera").live_camera
+
+    def area(perspective):
+        view = SimpleNamespace(region_3d=SimpleNamespace(view_perspective=perspective))
+        return SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=view))
 
     def context(**changed):
         given = {"view_perspective": "CAMERA", "type": "SOLID", "use_local_camera": False, "camera": None}
-        given |= changed
+        given |= {"mode": "OBJECT", "edited": "Cube", "beside": ()} | changed
         return SimpleNamespace(
             region_data=SimpleNamespace(view_perspective=given["view_perspective"]),
             space_data=SimpleNamespace(
@@ -159,9 +163,20 @@ def test_which_viewports_are_live(addon, camera):
                 camera=given["camera"],
             ),
             scene=bpy.context.scene,
+            mode=given["mode"],
+            objects_in_mode=[bpy.data.objects[given["edited"]]],
+            screen=SimpleNamespace(areas=[area(one) for one in ("CAMERA", *given["beside"])]),
         )
 
     assert live_camera(context()) == camera
+    for mode in ("EDIT_MESH", "EDIT_CURVE", "SCULPT", "PAINT_TEXTURE"):
+        assert live_camera(context(mode=mode)) is None
+        assert live_camera(context(mode=mode, beside=("CAMERA",))) is None
+        # The thing can be edited in another viewport.
+        assert live_camera(context(mode=mode, beside=("PERSP",))) == camera
+    # Their points are drawn over the image.
+    assert live_camera(context(mode="EDIT_MESH", edited=camera.scfpf.surfaces[0].object.name)) == camera
+    assert live_camera(context(mode="POSE")) == camera
     assert live_camera(context(type="MATERIAL")) == camera
     assert live_camera(context(use_local_camera=True, camera=camera)) == camera
     for changed in (
