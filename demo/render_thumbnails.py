@@ -44,6 +44,8 @@ OWN = {
     "anamorphic_billboard": Shot((-1.5, -13.0, 2.3), (0.6, 0.0, 2.3)),
     "cavalier": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
     "deep_curvy_volume": Shot((-5.0, -13.0, 2.6), (-4.0, 0.0, -0.2)),
+    "dimetric": Shot((0.0, -6.3, 0.8), (0.0, 0.0, 0.8), 0.42),
+    "inward_sphere": Shot((0.0, -5.0, 0.8), (0.0, 0.0, 0.8)),
     "digital_cubism": Shot((-2.2, -8.0, 2.6), (0.0, 0.0, 0.9), 0.8),
     "equirectangular": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.6)),
     "house_of_stairs": Shot((-1.0, -7.0, 2.2), (0.0, 0.0, 2.6)),

@@ -7,6 +7,7 @@ from .camera import (
     blend_maps,
     camera,
     cycles,
+    dimetric,
     duplicate,
     engine,
     live_select,
@@ -21,13 +22,14 @@ from .camera import (
 from .common import modal_job
 from .image import find, pick, render
 from .layers import layer_check, layer_list, layer_render
-from .volume import by_distance, framing, mappings, surface_tools, surfaces, volume_tools
+from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
     camera,
     presets,
     own_presets,
+    dimetric,
     surfaces,
     volume_tools,
     surface_tools,
@@ -42,6 +44,7 @@ MODULES = (
     pick,
     find,
     mappings,
+    attention,
     preview,
     live_select,
     cycles,

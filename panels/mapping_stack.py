@@ -33,6 +33,8 @@ class SCFPF_MT_mapping_add(bpy.types.Menu):
     def draw(self, _context):
         for kind, name, _text in MAPPING_KINDS:
             self.layout.operator("scfpf.mapping_add", text=name, icon=MAPPING_ICONS[kind]).kind = kind
+        self.layout.separator()
+        self.layout.operator("scfpf.attention", icon="ZOOM_SELECTED")
 
 
 class SCFPF_UL_mappings(bpy.types.UIList):

@@ -46,6 +46,7 @@ class SCFPF_MT_presets(bpy.types.Menu):
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
         )
         self.layout.operator("scfpf.by_distance", icon="DRIVER_DISTANCE")
+        self.layout.operator("scfpf.dimetric", icon="MOD_LATTICE")
         self.layout.operator("scfpf.preset_load", text="From File...", icon="FILE_FOLDER")
 
 

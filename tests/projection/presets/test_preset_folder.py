@@ -24,6 +24,7 @@ GROUPS = {
     ),
     "Drawings and Maps": (
         "cavalier",
+        "dimetric",
         "military",
         "oblique",
         "orthographic",
@@ -54,6 +55,7 @@ GROUPS = {
     "Panoramas": (
         "cylindrical_panorama",
         "equirectangular",
+        "inward_sphere",
         "long_pan",
         "panini",
         "panini_compressed",
@@ -66,6 +68,7 @@ GROUPS = {
     "Twists and Curves": (
         "around_the_car",
         "curved_convergence",
+        "curved_world",
         "deep_curvy_volume",
         "house_of_stairs",
         "linear_twist",

@@ -125,6 +125,61 @@ def test_oblique_views_draw_the_three_axes_at_their_length(name, right, up, away
     assert np.allclose(found["away"], away, atol=1e-6)
 
 
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0])
+def test_curved_world_falls_with_the_squared_distance(aspect):
+    """The shader of rolling worlds: a point at the distance d goes down by d² / 120, seen at 60 degrees."""
+    projection = read_preset(FOLDER / "curved_world.json").projection(aspect)
+    random = np.random.default_rng(5)
+    distance = random.uniform(1.1, 59, 300)
+    right, up = random.uniform(-0.45, 0.45, (2, 300)) * distance * np.array([[0.5 * aspect], [0.5]])
+    lowered = np.array([right, up, -distance])
+    points = lowered + np.array([0 * right, distance**2 / 120, 0 * right])
+    found = find_in_image(projection, points)
+    height = 2 * np.tan(np.radians(30)) * 9 / 16
+    assert found.found.all()
+    assert np.allclose(found.x, 0.5 + right / distance / (height * aspect), atol=1e-5)
+    assert np.allclose(found.y, 0.5 + up / distance / height, atol=1e-5)
+
+
+def test_inward_sphere_looks_from_each_point_of_a_sphere_to_its_middle():
+    """Longitude and latitude of a globe, north at the top and east to the right, seen from without."""
+    x, y, aspect, near, far = seen("inward_sphere")
+    centre = np.array([0.0, 0.0, -5.0])[:, None]
+    longitude, latitude = np.pi * x, np.pi / 2 * y
+    expected = np.array(
+        [
+            np.sin(longitude) * np.cos(latitude),
+            np.sin(latitude),
+            np.cos(longitude) * np.cos(latitude),
+        ]
+    )
+    assert aspect == 2.0
+    assert np.allclose(near - centre, 3 * expected, atol=1e-9) and np.allclose(far, centre, atol=1e-12)
+
+
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 2.4])
+def test_dimetric_draws_both_ways_of_the_ground_at_two_to_one(aspect):
+    """Uprights stay upright, tiles are twice as wide as high, and nothing shrinks with distance."""
+    projection = read_preset(FOLDER / "dimetric.json").projection(aspect)
+    steps = {"up": (0, 1, 0), "right": (1, 0, 0), "away": (0, 0, -1)}
+    points = np.array([0.3, -0.2, -15.0]) + np.array([(0, 0, 0), *steps.values()])
+    places = find_in_image(projection, points.T)
+    (left, right), (low, high) = projection.u_range, projection.v_range
+    corners = (
+        projection.volume.surfaces[0]
+        .evaluate(np.array([left, right, left]), np.array([low, low, high]))
+        .position
+    )
+    size = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=0)
+    assert places.found.all() and size[0] / size[1] == pytest.approx(aspect)
+    moved = (np.array([places.x, places.y]) * size[:, None]).T
+    found = {axis: place - moved[0] for axis, place in zip(steps, moved[1:], strict=True)}
+    half = np.sqrt(0.5)
+    assert np.allclose(found["right"], (half, -half / 2), atol=1e-5)
+    assert np.allclose(found["away"], (half, half / 2), atol=1e-5)
+    assert np.allclose(found["up"], (0, np.sqrt(0.75)), atol=1e-5)
+
+
 def test_military_turns_the_ground_by_45_degrees():
     """Two directions of the ground stay at right angles and of equal length: a plan."""
     start = np.array([0.0, 0.0, -15.0])
