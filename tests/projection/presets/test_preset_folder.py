@@ -55,7 +55,6 @@ GROUPS = {
     "Panoramas": (
         "cylindrical_panorama",
         "equirectangular",
-        "inward_sphere",
         "long_pan",
         "panini",
         "panini_compressed",
@@ -71,6 +70,7 @@ GROUPS = {
         "curved_world",
         "deep_curvy_volume",
         "house_of_stairs",
+        "inward_sphere",
         "linear_twist",
         "nonlinear_twist",
         "orthographic_to_perspective",
