@@ -225,10 +225,12 @@ class SCFPF_OT_joined_plan(OfEngine, Action, bpy.types.Operator):
             raise UserError(LINKED, camera.name)
         take_up_edits(context)
         uid = camera.session_uid
-        plan = plan_picture(context, camera, RENDERERS[self.engine])
+        plan, warnings = plan_picture(context, camera, RENDERERS[self.engine])
         text, told = "", ONE_RENDER
         if plan is not None:
             text, told = plan.text, report_text(PLANNED, len(plan.anchors), plan.shown, plan.pixels)
+        for warning in warnings:
+            self.report({"WARNING"}, translated_report(warning))
         redraw_interface(context.window_manager)
         object_by_uid(uid).scfpf.anchor_plan = text
         return told

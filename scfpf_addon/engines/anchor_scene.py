@@ -24,16 +24,10 @@ from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError
 from ..shading.typing import Single
+from .cautions import left_out
 
 CAMERA = "SCFPF Anchor"
 LOST = "The scene's copy was removed meanwhile: render again"
-# The settings that pictures do not follow, in the artist's words.
-LEFT_OUT = {
-    "use_motion_blur": "motion blur",
-    "use_freestyle": "Freestyle",
-    "use_border": "the border, the whole picture is rendered",
-    "use_multiview": "stereoscopy, this is one view",
-}
 # The width of the pixel filter: each pixel of an anchor shows one place.
 POINT = 0.01
 # An engine's camera shows nothing nearer than this.
@@ -74,7 +68,7 @@ class AnchorScene:
             render.engine = engine
         except TypeError as error:
             raise UserError("There is no render engine '{0}': choose another", engine) from error
-        self.left_out = [text for name, text in LEFT_OUT.items() if getattr(render, name)]
+        self.left_out = left_out(copy)
         # Anchors are wide: passes besides their colours would fill the memory.
         SwitchedPasses(layer)
         layer.use_pass_position = False

@@ -17,7 +17,6 @@ from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import AnchorSet, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
-from ..bridge.scene.read_visibility import rendered_objects
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..bridge.volume.screens import screens_of
 from ..casting.common.ray_visibility import CAMERA, visible_to
@@ -29,6 +28,7 @@ from ..projection.volume.viewing_volume import Projection
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
 from .backface_culling import one_sided
+from .cautions import cautions
 from .joined_tiles import Pictures, joined_pixels
 from .render_times import TakenTime, note_time
 
@@ -43,10 +43,6 @@ SCREEN = (
     "'{0}' hides what pops out of it from '{1}': switch it off in renders, or render with SCFPF or Cycles"
 )
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
-LEFT_OUT = "Left out of pictures that are joined: {0}"
-AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
-# Types of objects without faces that engines draw.
-FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
 
 
 class AnchoredRender:
@@ -69,7 +65,10 @@ class AnchoredRender:
         self._taken = TakenTime()
 
     def make_plan(self, camera) -> KeptPlan | None:
-        """Plan the picture without rendering it; None if the camera's own view is all. Raises USER_ERRORS."""
+        """Plan the picture without rendering it; None if the camera's own view is all.
+
+        The warnings are those of the picture. Raises USER_ERRORS.
+        """
         inputs, axes = self._read(camera)
         if not inputs.is_ordinary:
             self._planned(self._seen(inputs), inputs, axes, camera)
@@ -96,7 +95,6 @@ class AnchoredRender:
         if not settings.transparent and not is_one_eye:
             sky = sky_anchors(shown, inputs.projection, size, axes, PlanLimits())
         self.total = len(seen.views) + len(sky)
-        self.warnings += self._cautions(settings.depth_of_field is not None)
         for view in seen.views:
             color = yield from self._rendered(view.anchor)
             seen.colors.append(color)
@@ -150,6 +148,8 @@ class AnchoredRender:
     ) -> tuple[Pictures, bool]:
         """The views of the picture's anchors without colors, and whether all its projectors have one eye."""
         settings, projection = inputs.settings, inputs.projection
+        has_lens = camera.data.dof.use_dof
+        self.warnings += cautions(self._passing.scene, self._passing.left_out, has_lens)
         size, threads = (settings.width, settings.height), settings.threads
         if self._shot is not None and (sets := self._sets_of_shot(self._shot, shown, inputs, axes, camera)):
             views, own, added = completed_sets(shown, projection, size, sets, threads)
@@ -200,15 +200,6 @@ class AnchoredRender:
             return found
 
         return with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
-
-    def _cautions(self, has_lens: bool) -> list[str]:
-        """Name what the picture does not show as the scene says."""
-        scene = self._passing.scene
-        shown = rendered_objects(scene.view_layers[0])
-        found = {FACELESS[obj.type] for obj in shown if obj.type in FACELESS and not obj.hide_render}
-        left = [*self._passing.left_out, *(["depth of field"] if has_lens else [])]
-        texts = [Message(LEFT_OUT, ", ".join(left))] if left else []
-        return texts + ([Message(AS_IT_COMES, ", ".join(sorted(found)))] if found else [])
 
     def _rendered(self, anchor: Anchor) -> Iterator[str]:
         """Render an anchor and return its colours (H, W, 4), which are in a file."""

@@ -55,11 +55,15 @@ def render_anchors(
     return all_at_once(AnchorsJob(context, camera, frames, path, renderer))
 
 
-def plan_picture(context, camera, renderer: str = "") -> KeptPlan | None:
-    """Plan the renders of the scene's picture; None if the camera's own view is all. Raises USER_ERRORS."""
+def plan_picture(context, camera, renderer: str = "") -> tuple[KeptPlan | None, list[str]]:
+    """Plan the renders of the scene's picture; None if the camera's own view is all.
+
+    Returns also warnings of what the picture will not show as the scene says. Raises USER_ERRORS.
+    """
     passing = AnchorScene(context.scene, context.view_layer, renderer)
     try:
-        return AnchoredRender(passing).make_plan(camera)
+        render = AnchoredRender(passing)
+        return render.make_plan(camera), render.warnings
     finally:
         passing.remove()
 

@@ -130,6 +130,11 @@ def present_compositor_tree(scene):
     return scene.node_tree if scene.use_nodes else None
 
 
+def strips(editor):
+    """The strips of a sequence editor."""
+    return editor.strips if hasattr(editor, "strips") else editor.sequences
+
+
 def compositor_tree(scene, mark: str):
     """The node tree of a scene's compositor, or a new one that outputs the image unchanged.
 

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pictures joined from ordinary renders lack, or show in another way, named in the artist's words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..bridge.blender import versions
+from ..bridge.blender.shader_nodes import output_shaders
+from ..bridge.scene.read_visibility import rendered_objects
+from ..projection.user_error import Message
+
+# Switched off in the renders.
+LEFT_OUT = "Left out of pictures that are joined: {0}"
+LEFT_OUT_SETTINGS = {
+    "use_motion_blur": "motion blur",
+    "use_freestyle": "Freestyle",
+    "use_border": "the border, the whole picture is rendered",
+    "use_multiview": "stereoscopy, this is one view",
+}
+# Without faces, which the caster would meet.
+AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
+FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
+# Found by each render in its own picture.
+BY_SCREEN = "Seen by each ordinary render in its own picture only, it may change where they meet: {0}"
+
+
+def left_out(scene) -> list[str]:
+    """The settings of a scene that its joined pictures do not follow."""
+    render = scene.render
+    found = [text for name, text in LEFT_OUT_SETTINGS.items() if getattr(render, name)]
+    if render.use_compositing and versions.present_compositor_tree(scene) is not None:
+        found.append("the compositor, with its glare or bloom")
+    editor = scene.sequence_editor
+    if render.use_sequencer and editor is not None and len(versions.strips(editor)):
+        found.append("the sequencer")
+    return found
+
+
+def cautions(scene, settings_left_out: list[str], has_lens: bool) -> list[Message]:
+    """What a scene's joined picture does not show as the scene says.
+
+    settings_left_out: what ``left_out`` has found in the artist's scene. has_lens: whether depth of field is
+    on.
+    """
+    missing = [*settings_left_out, *(["depth of field"] if has_lens else [])]
+    faceless, by_screen = sorted({*_faceless(scene)}), [*_by_screen(scene)]
+    found = []
+    if missing:
+        found.append(Message(LEFT_OUT, ", ".join(missing)))
+    if faceless:
+        found.append(Message(AS_IT_COMES, ", ".join(faceless)))
+    if by_screen:
+        found.append(Message(BY_SCREEN, ", ".join(by_screen)))
+    return found
+
+
+def _faceless(scene) -> Iterator[str]:
+    """What has no faces in a scene's view layer."""
+    world = scene.world
+    if world is not None and versions.uses_nodes(world) and any(output_shaders(world.node_tree, "Volume")):
+        yield FACELESS["VOLUME"]
+    for obj in rendered_objects(scene.view_layers[0]):
+        if obj.hide_render:
+            continue
+        if obj.type in FACELESS:
+            yield FACELESS[obj.type]
+        if any(_has_volume(slot.material) for slot in obj.material_slots):
+            yield FACELESS["VOLUME"]
+        for system in obj.particle_systems:
+            if system.settings.render_type == "PATH":
+                yield FACELESS["CURVES"]
+
+
+def _has_volume(material) -> bool:
+    """Return whether a material, or None, has a volume."""
+    if material is None or not versions.uses_nodes(material):
+        return False
+    return any(output_shaders(material.node_tree, "Volume"))
+
+
+def _by_screen(scene) -> Iterator[str]:
+    """The effects of an engine that depend on what its own picture shows."""
+    if scene.render.engine == versions.EEVEE and scene.eevee.use_raytracing:
+        yield "reflections and light by Raytracing"
+    if scene.render.engine == "BLENDER_WORKBENCH" and scene.display.shading.show_cavity:
+        yield "Cavity"
+    if scene.render.engine == "BLENDER_WORKBENCH" and scene.display.shading.show_object_outline:
+        yield "Outline"
