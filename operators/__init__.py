@@ -20,7 +20,7 @@ from .camera import (
     ways,
 )
 from .common import modal_job
-from .image import find, pick, render
+from .image import find, pick, quilt, render
 from .layers import layer_check, layer_list, layer_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
@@ -40,6 +40,7 @@ MODULES = (
     blend_maps,
     screen,
     render,
+    quilt,
     engine,
     pick,
     find,

@@ -10,7 +10,7 @@ an ordinary camera is rendered as in Cycles.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,19 @@ from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import camera_behind
 from .ordinary_camera import depth_plane, is_own_view, placement
 
+
+class SideView(NamedTuple):
+    """A view beside the camera's own, sheared like an off-axis eye's.
+
+    offset: to the right, in the camera's units. focus: depth of the points that stay in place in the image.
+    """
+
+    offset: float
+    focus: float
+
+
 # "" is the camera itself, between the eyes.
-Eye = Literal["", "LEFT", "RIGHT"]
+Eye = Literal["", "LEFT", "RIGHT"] | SideView
 
 # Blender's names of the two views that Stereo 3D has.
 EYES: dict[str, Eye] = {"left": "LEFT", "right": "RIGHT"}
@@ -79,7 +90,12 @@ def own_depth_plane(projection: Projection, camera, depsgraph, eye: Eye) -> Arra
 
 def unseen_settings(camera, eye: Eye) -> str:
     """Return a warning about an ignored stereo setting of an evaluated camera, "" without one."""
-    if eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES:
+    if (
+        isinstance(eye, str)
+        and eye
+        and camera.data.stereo.use_spherical_stereo
+        and camera.data.type in SPHERICAL_TYPES
+    ):
         return Message(
             "Spherical stereo of '{0}' is left out: choose Parallel for a volume that looks all around",
             camera.name,
@@ -93,7 +109,9 @@ def eye_matrix(camera, eye: Eye) -> Array:
         return frame_matrix(camera, eye)
     stereo = camera.data.stereo
     matrix = _pose(stereo, eye)
-    if stereo.convergence_mode == "OFFAXIS":
+    if isinstance(eye, SideView):
+        matrix[0, 2] = eye.offset / eye.focus
+    elif stereo.convergence_mode == "OFFAXIS":
         # x + offset · (1 - depth / convergence distance)
         matrix[0, 2] = matrix[0, 3] / stereo.convergence_distance
     return matrix
@@ -123,6 +141,9 @@ def _pose(stereo, eye: Eye) -> Array:
     stereo: bpy.types.CameraStereoData. The pivot is the eye that stays, or the middle.
     """
     matrix = np.eye(4)
+    if isinstance(eye, SideView):
+        matrix[0, 3] = eye.offset
+        return matrix
     if not eye or stereo.pivot == eye:
         return matrix
     side = -1.0 if eye == "LEFT" else 1.0

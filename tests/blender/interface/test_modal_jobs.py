@@ -157,6 +157,7 @@ JOBS = {
     "SCFPF_OT_preview_toggle": ("operators.camera.preview", [TIMER, TIMER], NOTHING_CHANGED),
     "SCFPF_OT_engine_warn": ("operators.camera.engine", [], None),
     "SCFPF_OT_render": ("operators.image.render", [TIMER], CANCELED),
+    "SCFPF_OT_quilt": ("operators.image.quilt", [TIMER], CANCELED),
     "SCFPF_OT_render_escape": ("operators.image.render", [], None),
     "SCFPF_OT_pick": ("operators.image.pick", [MOUSE], ""),
     "SCFPF_OT_mapping_place": ("operators.volume.mappings", [MOUSE], ""),
@@ -208,7 +209,7 @@ def job(request, addon, monkeypatch):
         bpy.ops.scfpf.cycles_rig()
         for frame in (2, 1):
             scene.frame_set(frame)  # the rig notes that its volume moves
-    if name == "SCFPF_OT_render":
+    if name in {"SCFPF_OT_render", "SCFPF_OT_quilt"}:
         # Many times as long as any test waits.
         scene.render.resolution_x = scene.render.resolution_y = 2048
         camera.scfpf.samples = 64
@@ -226,6 +227,8 @@ def job(request, addon, monkeypatch):
         # How far the mouse is along the way, when it is pressed and after it.
         along = iter((1.0, 2.5))
         operator._along = lambda *_: next(along)
+    if name == "SCFPF_OT_quilt":
+        operator.columns, operator.rows, operator._is_asked, operator.wait = 2, 1, True, operator.execute
     if name == "SCFPF_OT_aim_solve":
         operator.prepared = lambda _context: camera
     if name == "SCFPF_OT_aim_pin_click":
