@@ -17,6 +17,7 @@ from .camera import (
     screen,
     stylised,
     tutorial,
+    vr_pair,
     ways,
 )
 from .common import modal_job
@@ -39,6 +40,7 @@ MODULES = (
     blend,
     blend_maps,
     screen,
+    vr_pair,
     render,
     quilt,
     engine,

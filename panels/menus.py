@@ -72,6 +72,7 @@ def _camera_entries(menu, _context):
     ).preset = "VIEW"
     menu.layout.menu("SCFPF_MT_camera_add_preset", icon="PRESET")
     menu.layout.operator("scfpf.camera_from_screen", icon="DESKTOP")
+    menu.layout.operator("scfpf.vr_pair", icon="CAMERA_STEREO")
     menu.layout.operator("scfpf.tutorial_scene", text="Flexible Camera Tutorial Scene", icon="SCENE_DATA")
 
 
