@@ -24,7 +24,7 @@ from .bridge.render import render_engine, render_job, result_image
 from .bridge.settings import validation
 from .bridge.sync import camera_sync
 from .cycles import engine_choice, rig
-from .cycles.layers import passes_image
+from .cycles.layers import pass_files
 from .scanline.preview import preview, preview_drafts
 
 # Called with a scene and its evaluated depsgraph.
@@ -73,7 +73,7 @@ _FOLLOW = (
     result_image.history_changed,
     preview.restore_after_history,
     rig.restore_after_history,
-    passes_image.history_changed,
+    pass_files.history_changed,
 )
 
 # Called without arguments.

@@ -19,7 +19,7 @@ from ..anchors.anchor import Anchor
 from ..bridge.blender.all_or_nothing import all_or_nothing
 from ..bridge.blender.rig_mark import PASSING_KEY
 from ..bridge.blender.versions import image_format_properties
-from ..cycles.layers.switched_passes import SwitchedPasses
+from ..cycles.layers.layer_passes import SwitchedPasses
 from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError

@@ -22,7 +22,7 @@ from ..bridge.volume.screens import screens_of
 from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
 from ..cycles.engine_choice import engine_name
-from ..cycles.layers.exr_passes import Pass, read_passes
+from ..cycles.layers.pass_files import Pass, read_passes
 from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
 from ..shading.typing import Single

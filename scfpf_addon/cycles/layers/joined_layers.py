@@ -13,8 +13,8 @@ from ...casting.layers.join_images import joined, shares
 from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
-from .exr_passes import Pass
-from .joined_passes import OF_ONE_SAMPLE
+from .layer_passes import OF_ONE_SAMPLE
+from .pass_files import Pass
 
 # Rows that are joined at once.
 ROWS = 64

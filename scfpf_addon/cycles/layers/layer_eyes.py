@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cameras that see the layers in a passing scene: a rig, or a copy of a camera that needs none.
+"""The cameras that see the layers in a temporary scene, and the sheet that covers needless pixels.
 
-All of them make the whole image, in which the picture of a layer has its place and size: their pixels are
-those of the image.
+A camera is a rig, or a copy of a camera that needs none. All of them make the whole image, in which the
+picture of a layer has its place and size: their pixels are those of the image. The sheet ends the camera rays
+of covered pixels. Those of other pixels pass beside it: they see what they saw without it.
 """
 
 from __future__ import annotations
@@ -10,19 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple
 
+import bpy
 import numpy as np
 
 from ...bridge.blender.all_or_nothing import all_or_nothing
 from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
 from ...bridge.render.image_size import image_aspect, image_size
-from ...projection.mappings.stack import Stack
 from ...projection.surfaces.surface import Plane
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ...projection.user_error import UserError
 from ...projection.volume.reparameterisation import Framed
-from ...projection.volume.viewing_volume import Projection
 from ...scanline.generated_collection import follow_image_size
 from ...scanline.table.table_object import grid_cells
 from .. import hidden_surfaces
@@ -30,33 +29,18 @@ from ..cautions import cautions
 from ..chords.chord_plan import ChordPlan, plan_chords
 from ..rig_data import MODIFIER, check, check_surfaces, make_rig, remove_rig, rigs
 from ..skipping.refresh import write_skipping
+from .layer_views import LayerView
 from .temporary_scene import TemporaryScene
 
 GONE = "A camera or the scene was deleted meanwhile: render again"
-
-
-class LayerView(NamedTuple):
-    """A view of an image with layers: that of the image itself, or of a layer.
-
-    camera: its session id. frame: the place of its picture in the image. projection: what the image shows
-    through it, world space. place: (4, 4), without scale, of a camera that Cycles renders without a rig: an
-    ordinary one, or a flexible one whose volume is its own frustum. None for others. is_own: whether the
-    projection is the view of the camera's own lens.
-    """
-
-    camera: int
-    frame: Framed
-    projection: Projection
-    place: Array | None
-    is_own: bool
-
-    @property
-    def own(self) -> Projection:
-        """The projection of its own picture."""
-        image = self.projection.reparameterisation
-        if self.frame == Framed() or not isinstance(image, Stack):
-            return self.projection
-        return replace(self.projection, reparameterisation=image.base)
+# The sheet is this share farther away than where the camera's rays begin, or as far as float32 tells its
+# places apart by this share of a pixel. What is before it is rendered as ever.
+BEHIND, PRECISE = 2.0**-8, 1.0 / 8.0
+# Pixels that a ray of a needed one may pass besides the filter's, for the places of rays are rounded.
+MARGIN = 1
+# Fewer pixels are not worth a sheet.
+FEWEST = 64
+SHEET = "SCFPF Covered"
 
 
 @contextmanager
@@ -154,3 +138,85 @@ def _aim_lens(lens, view: LayerView) -> None:
     else:
         lens.ortho_scale = width
     lens.shift_x, lens.shift_y = middle / width
+
+
+def without_neighbours(is_needless: BoolArray, filter_width: float) -> BoolArray:
+    """The mask (H, W) without pixels within the filter's radius of its border: the mask, eroded.
+
+    Rays of pixels outside the mask do not come near the pixels that remain. filter_width: in pixels.
+    """
+    reach = MARGIN + int(np.ceil(filter_width / 2.0))
+    kept = is_needless
+    for axis in (0, 1):
+        padded = np.pad(kept, [(reach, reach) if axis == each else (0, 0) for each in (0, 1)])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis)
+        kept = windows.all(axis=-1)
+    return kept
+
+
+def runs(is_covered: BoolArray) -> tuple[Array, Array, Array]:
+    """The runs of covered pixels in the rows of an image (H, W): their rows, first columns and ends."""
+    steps = np.diff(np.pad(is_covered, [(0, 0), (1, 1)]).astype(np.int8), axis=1)
+    row, first = np.nonzero(steps == 1)
+    return row, first, np.nonzero(steps == -1)[1]
+
+
+@contextmanager
+def covered(scene, place: Array, is_covered: BoolArray) -> Iterator[None]:
+    """Cover pixels of the whole image (H, W), row 0 at the bottom, of a scene's camera without a rig.
+
+    place: (4, 4) of the camera, without scale.
+    """
+    plane = _plane(scene, place, is_covered.shape)
+    if plane is None or np.count_nonzero(is_covered) < FEWEST:
+        yield
+        return
+    made = None
+    try:
+        made = _add_sheet(scene, place, is_covered, *plane)
+        yield
+    finally:
+        # Undo may have removed it.
+        if made is not None and (sheet := object_by_uid(made)) is not None:
+            delete_with_data(sheet)
+
+
+def _plane(scene, place: Array, shape: tuple[int, int]) -> tuple[Array, Array, Array] | None:
+    """The lower left corner of the sheet's plane in the camera's space, and the sides of the image, (3,).
+
+    None if float32 does not tell the pixels (H, W) of an image apart there.
+    """
+    lens, eps = scene.camera.data, float(np.finfo(np.float32).eps)
+    frame = np.array([corner[:] for corner in lens.view_frame(scene=scene)])
+    depth = (1.0 + BEHIND) * lens.clip_start
+    if lens.type == "PERSP":
+        frame /= -frame[0, 2]
+    right, corner, left = frame[1:4]
+    pixel = min(np.linalg.norm(right - corner) / shape[1], np.linalg.norm(left - corner) / shape[0])
+    off = eps * (np.abs(place[:3, 3]).max() + np.abs(frame).max())
+    if lens.type == "PERSP":
+        depth = max(depth, off / (pixel * PRECISE))
+        frame *= depth
+    elif lens.type != "ORTHO" or off > pixel * PRECISE:
+        return None
+    frame[:, 2] = -depth
+    right, corner, left = frame[1:4]
+    return corner, right - corner, left - corner
+
+
+def _add_sheet(scene, place: Array, is_covered: BoolArray, corner: Array, across: Array, up: Array) -> int:
+    """Add a rectangle for each run of pixels in a ``_plane``; returns the object's session id."""
+    (row, first, end), (height, width) = runs(is_covered), is_covered.shape
+    x, y = np.stack([first, end, end, first]) / width, np.stack([row, row, row + 1, row + 1]) / height
+    points = corner + x.T[..., None] * across + y.T[..., None] * up
+    mesh = bpy.data.meshes.new(SHEET)
+    faces = np.arange(4 * len(row)).reshape(-1, 4)
+    mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
+    sheet = bpy.data.objects.new(SHEET, mesh)
+    sheet.matrix_world = place.T.tolist()
+    # A hole has no position and no light, whatever the view layer's material is.
+    sheet.is_holdout = True
+    for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(sheet, f"visible_{kind}", False)
+    scene.collection.objects.link(sheet)
+    return sheet.session_uid

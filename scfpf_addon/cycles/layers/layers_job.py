@@ -18,15 +18,13 @@ from ...bridge.render.image_file import frame_file, is_multilayer, require_place
 from ...bridge.render.result_image import keep_result, result_image, show_progress
 from ...projection.user_error import Message, UserError
 from ..rig_data import require_cycles
-from .exr_passes import Pass
-from .joined_passes import COMBINED
+from .layer_passes import COMBINED
 from .layered_render import LayeredRender
-from .passes_image import deliver_passes
+from .pass_files import Pass, deliver_passes
 from .temporary_scene import TemporaryScene
 
 NOT_RENDERED = "{0} has written no picture: look at the system console for its reason"
 LOST = "The scene or the camera was deleted meanwhile: render again"
-# Bad input raises one of these; other errors are bugs.
 
 
 class LayersJob:

@@ -21,7 +21,7 @@ from ...bridge.blender.versions import image_format_properties
 from ...bridge.scene.read_visibility import rendered_objects
 from ...shading.settings.frame_settings import Border
 from ..rig_data import CYCLES, rigs
-from .switched_passes import SwitchedPasses
+from .layer_passes import SwitchedPasses
 
 # The name of the copy's only view layer, by which its passes are found.
 LAYER = "Layers"

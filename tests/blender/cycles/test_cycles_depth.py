@@ -105,7 +105,7 @@ def test_mist_without_a_world(addon, camera):
     assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"} and step(bpy.context.scene)
     bpy.context.scene.world = None
     assert not step(bpy.context.scene)
-    assert addon("cycles.layers.joined_passes").Mist.of(None) == (0.0, 100.0, 1.0)
+    assert addon("cycles.layers.layer_passes").Mist.of(None) == (0.0, 100.0, 1.0)
 
 
 def test_depth_and_mist_of_another_view_are_lengths(camera, rig_of):

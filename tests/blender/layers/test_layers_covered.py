@@ -28,7 +28,7 @@ def test_covered_pixels_make_no_difference(scene, addon, monkeypatch, kind, fron
     assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
     bpy.data.objects["Thing"].scale = 1.5, 1.5, 1.5
     add(front).halo = 1.0
-    module, found = addon("cycles.layers.covered_pixels"), []
+    module, found = addon("cycles.layers.layer_eyes"), []
     added = module._add_sheet
 
     def noted(scene, place, is_covered, *plane):
@@ -45,7 +45,7 @@ def test_covered_pixels_make_no_difference(scene, addon, monkeypatch, kind, fron
     np.testing.assert_array_equal(layered(), image)
     assert not found
     names = [*bpy.data.objects, *bpy.data.meshes, *bpy.data.materials]
-    assert not [each.name for each in names if module.NAME in each.name]
+    assert not [each.name for each in names if module.SHEET in each.name]
 
 
 @pytest.mark.parametrize("reason", ["denoising", "motion blur", "a lens", "a rig"])
@@ -58,13 +58,13 @@ def test_pixels_that_others_are_made_of_are_not_covered(scene, addon, monkeypatc
     scene.render.use_motion_blur = reason == "motion blur"
     master.data.dof.use_dof = reason == "a lens"
     add("ORDER")
-    module = addon("cycles.layers.covered_pixels")
+    module = addon("cycles.layers.layer_eyes")
     monkeypatch.setattr(module, "_add_sheet", lambda *_: pytest.fail("a sheet"))
     layered()
 
 
 def test_only_pixels_apart_from_needed_ones_are_covered(addon):
-    module = addon("cycles.layers.covered_pixels")
+    module = addon("cycles.layers.layer_eyes")
     is_needless = np.random.default_rng(0).uniform(size=(40, 60)) < 0.995
     for width, reach in ((0.01, 2), (1.5, 2), (2.5, 3)):
         needed = np.argwhere(~np.pad(is_needless, 9)) - 9
@@ -86,7 +86,7 @@ def test_an_override_of_materials_and_passes_see_no_sheet(scene, addon, monkeypa
         setattr(layer, f"use_pass_{name}", True)
     new_camera("Side", bpy.data.objects["Master"].matrix_world)
     add("DEPTH")
-    module, found = addon("cycles.layers.covered_pixels"), []
+    module, found = addon("cycles.layers.layer_eyes"), []
     added = module._add_sheet
     monkeypatch.setattr(module, "_add_sheet", lambda *given: found.append(True) or added(*given))
     layered(filepath=str(path))

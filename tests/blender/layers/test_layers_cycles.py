@@ -461,7 +461,7 @@ def test_what_lets_rays_through(scene, addon, change, is_opaque):
     material.use_nodes = True
     bpy.data.objects["Thing"].data.materials.append(material)
     (OPAQUE | OPEN)[change](material)
-    find = addon("cycles.layers.opaque_things").is_all_opaque
+    find = addon("cycles.layers.layer_views").is_all_opaque
     render = addon("bridge.scene.render_depsgraph").with_render_depsgraph
     assert render(scene, scene.view_layers[0], find) is is_opaque
 

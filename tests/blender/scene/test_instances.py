@@ -123,7 +123,7 @@ def test_scene_and_live_view_show_the_same_instances(many, addon):
 
 def test_layers_and_the_rig_reckon_with_no_fewer(many, addon):
     owners = {obj.session_uid: 1 for obj in bpy.data.objects}
-    found = addon("cycles.layers.layer_things").find_things(many, owners, False).by_layer[1].points
+    found = addon("cycles.layers.layer_views").find_things(many, owners, False).by_layer[1].points
     assert middles(block.T for block in found) == SEEN | {FLAT}
     bodies = addon("cycles.skipping.bodies").Bodies()
     bpy.data.objects["Lost"].hide_viewport = True

@@ -229,7 +229,7 @@ CASES = {
         lambda: OPERATORS.layers_render(camera="Camera"),
         f"{LAYERS}.temporary_scene._settle {LAYERS}.layer_views.read_views "
         f"{LAYERS}.temporary_scene.TemporaryScene.add_groups {LAYERS}.layer_eyes._rigged {RIG}.make_rig "
-        f"{SKIPPING}.refresh.write_skipping {LAYERS}.layer_eyes._place {LAYERS}.exr_passes.read_passes "
+        f"{SKIPPING}.refresh.write_skipping {LAYERS}.layer_eyes._place {LAYERS}.pass_files.read_passes "
         f"{LAYERS}.layer_eyes._copied {LAYERS}.joined_layers.join_into",
     ),
     "another engine": (

@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes of a render, in the uncompressed multilayer OpenEXR files that Blender writes and reads.
+"""Passes in uncompressed multilayer OpenEXR files, and the image datablock of the last picture's passes.
 
-Python sees no pixels of Blender's render results, and loaded multilayer files have none either. Layout after
-"OpenEXR File Layout" (openexr.com): headers, tables of offsets, then scan lines, each channel's row at once.
+Python sees no pixels of Blender's render results, and loaded multilayer files have none either: the files are
+read and written here. Layout after "OpenEXR File Layout" (openexr.com): headers, tables of offsets, then scan
+lines, each channel's row at once. The datablock is a packed file, which Image Editors and compositors show.
+Undo restores that file, but leaves what has been loaded of it.
 """
 
 from __future__ import annotations
 
+import os
 import struct
-from collections.abc import Iterable, Mapping
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
+
+from ...bridge.blender.packing import LARGEST_FILE, TOO_LARGE
+from ...bridge.render.result_image import redraw_image_editors
+from ...projection.user_error import Message
 
 MAGIC, MULTIPART, LONG_NAMES, VERSION = 20000630, 0x1000, 0x400, 2
 FLOAT32 = 2
@@ -20,6 +30,9 @@ FLOAT32 = 2
 LETTERS = "RGBXYZWUVTArgba"
 # Bytes of a channel's entry after its name.
 CHANNEL_BYTES = 16
+IMAGE_NAME = "SCFPF Render Passes"
+# The custom property of the image that was made here.
+MADE_KEY = "scfpf_passes"
 
 
 class Pass(NamedTuple):
@@ -151,3 +164,64 @@ def _header(data: NDArray[np.uint8], at: int) -> tuple[_Part, int]:
         place += CHANNEL_BYTES
     left, top, right, bottom = struct.unpack("<4i", found["dataWindow"])
     return _Part(names, left, top, right, bottom), at + 1
+
+
+def passes_image():
+    """The image datablock of the passes, or None."""
+    return bpy.data.images.get((IMAGE_NAME, None))
+
+
+def deliver_passes(passes: Mapping[str, Pass], layer: str, save: Callable | None, keeps: bool) -> str:
+    """Make an image datablock of passes.
+
+    passes: by name, of one size. layer: the name of their view layer. save: called with the image, None for
+    nothing. keeps: whether it is kept in the file afterwards. Returns a warning if it is too large, else "".
+    Raises what ``save`` does.
+    """
+    with tempfile.TemporaryDirectory(prefix="scfpf-") as folder:
+        path = os.path.join(folder, "passes.exr")
+        write_passes(path, layer, passes)
+        if not keeps:
+            image = bpy.data.images.load(path)
+            try:
+                if save is not None:
+                    save(image)
+            finally:
+                bpy.data.images.remove(image)
+            return ""
+        image = _image(path)
+        is_small = Path(path).stat().st_size < LARGEST_FILE
+        try:
+            if save is not None:
+                save(image)
+            if is_small:
+                image.pack()
+        finally:
+            image.filepath_raw = f"//{IMAGE_NAME}.exr"
+            if not image.packed_file:
+                bpy.data.images.remove(image)
+        redraw_image_editors()
+        return "" if is_small else Message(TOO_LARGE, IMAGE_NAME)
+
+
+def _image(path: str):
+    """The datablock, which shows a file."""
+    image = passes_image()
+    if image is not None and MADE_KEY not in image:
+        image.name, image = f"{IMAGE_NAME} (other)", None
+    if image is None:
+        image = bpy.data.images.load(path)
+        image.name, image.use_fake_user, image[MADE_KEY] = IMAGE_NAME, True, True
+        return image
+    if image.packed_file:
+        image.unpack(method="REMOVE")
+    image.filepath_raw = path
+    image.buffers_free()
+    return image
+
+
+def history_changed() -> None:
+    """Read the pixels again after undo or redo, which Blender does not."""
+    image = passes_image()
+    if image is not None and image.packed_file:
+        image.buffers_free()
