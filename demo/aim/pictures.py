@@ -177,7 +177,7 @@ def follow(name: str, camera, move, shoot) -> None:
     """Shoot while the targets move and the volume follows, and once it is solved."""
     import bpy
 
-    drag = module("bridge.aim.drag").AimDrag(camera, bpy.context.evaluated_depsgraph_get())
+    drag = module("bridge.aim.follower").Follower(camera, bpy.context.evaluated_depsgraph_get())
     shoot("start")
     for _ in range(FRAMES - 1):
         move(1 / (FRAMES - 1))

@@ -8,7 +8,7 @@ import numpy as np
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
-from ...scfpf_addon.bridge.aim.drag import AimDrag
+from ...scfpf_addon.bridge.aim.follower import Follower
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.blender.all_or_nothing import PLACE, Kept
@@ -81,11 +81,11 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         try:
             self._choose(camera)
             with Kept() as kept:
-                drag = AimDrag(camera, context.evaluated_depsgraph_get())
+                follower = Follower(camera, context.evaluated_depsgraph_get())
                 kept.callback(self._put_back)
-                kept.callback(drag.restore)
+                kept.callback(follower.restore)
                 self._place(context)
-                message = run_through(drag.finishing(context.evaluated_depsgraph_get()))
+                message = run_through(follower.finishing(context.evaluated_depsgraph_get()))
                 kept.pop_all()
         except USER_ERRORS as error:
             return refused(self, error)
@@ -103,7 +103,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         self.index, part = hit if is_press and hit is not None else (-1, BODY)
         try:
             self._choose(camera)
-            self._volume = AimDrag(camera, context.evaluated_depsgraph_get())
+            self._follower = Follower(camera, context.evaluated_depsgraph_get())
             # Live Aim would take a second step at each event.
             self._is_live, camera.scfpf.aim.live = camera.scfpf.aim.live, False
             image = image or ShownImage(camera, Rectangle(0.0, 0.0, *map(float, image_size(context.scene))))
@@ -174,7 +174,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         (x, y), self.factor, self.turn, self.orbit = self._drag.change
         self.shift = x / self._size[0], y / self._size[1]
         self._place(context)
-        self._volume.step(context.evaluated_depsgraph_get())
+        self._follower.step(context.evaluated_depsgraph_get())
         self._say(context)
         return {"RUNNING_MODAL"}
 
@@ -222,7 +222,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     def _finish(self, context):
         """Begin to solve. A solve that is refused or cancelled restores the volume. Raises USER_ERRORS."""
         self._is_solving, self.escapes = True, SolveJob.escapes
-        steps = self._volume.finishing(context.evaluated_depsgraph_get())
+        steps = self._follower.finishing(context.evaluated_depsgraph_get())
         self.begin_solve(steps, object_by_uid(self._camera))
         self.show_solve(context)
         return {"RUNNING_MODAL"}
@@ -251,7 +251,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     def give_up(self, context):
         """Restore the target and the volume."""
         if not self._is_solving:
-            self._volume.restore()
+            self._follower.restore()
         super().give_up(context)
         if object_by_uid(self._camera) is not None:
             self._put_back()

@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
-from ...scfpf_addon.bridge.aim.drag import make_followable
+from ...scfpf_addon.bridge.aim.follower import make_followable
 from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing

@@ -3,12 +3,13 @@
 
 When nothing has moved for a while, a thread solves anew from the start and judges; the next move cancels it.
 The handler writes control points of volumes that are solutions already: it links and removes nothing. Undo
-restores points with everything else, so the handler forgets its drags then and waits for the next move.
+restores points with everything else, so the handler forgets its followers then and waits for the next move.
 """
 
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import dataclass
 from time import monotonic
 
 import bpy
@@ -20,18 +21,44 @@ from ..blender.user_errors import USER_ERRORS, translated_report
 from ..camera.flexible_camera import control_objects
 from ..sync.camera_sync import camera_objects
 from .aimed_volume import start_of
-from .drag import AimDrag
+from .follower import Follower
 from .solve_targets import solving
 from .solve_work import WatchedSolve
 
-# Drags by the session id of their camera, and what its targets were at the last call.
-_drags: dict[int, AimDrag] = {}
-_seen: dict[int, bytes] = {}
 # Seconds of rest before the solve, and between two looks at it.
 REST, TICK = 0.6, 0.1
-# The time at which each camera has rested, and the solves under way.
-_resting: dict[int, float] = {}
-_solves: dict[int, WatchedSolve] = {}
+
+
+@dataclass
+class LiveCamera:
+    """How far the volume of a live camera has followed its targets.
+
+    facts: of the targets at the last call. follower: None until they move, or if the scene has changed.
+    rests_at: the time at which the camera has rested, None if no solve is awaited. solve: None if none is
+    under way.
+    """
+
+    facts: bytes
+    follower: Follower | None = None
+    rests_at: float | None = None
+    solve: WatchedSolve | None = None
+
+    def await_rest(self) -> None:
+        """Solve after a rest from now on."""
+        self.cancel()
+        self.rests_at = monotonic() + REST
+        if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=REST)
+
+    def cancel(self) -> None:
+        """Cancel the solve under way."""
+        solve, self.solve = self.solve, None
+        if solve is not None:
+            solve.cancel()
+
+
+# By session id.
+_cameras: dict[int, LiveCamera] = {}
 
 
 def is_live(camera) -> bool:
@@ -41,7 +68,7 @@ def is_live(camera) -> bool:
 
 
 def _facts(camera, depsgraph) -> bytes:
-    """Everything that a drag follows, as bytes by which changes are noticed."""
+    """Everything that a follower follows, as bytes by which changes are noticed."""
     values: list[float] = []
     for target in camera.scfpf.aim_targets:
         values += [*target.position, target.width, target.turn, target.is_on]
@@ -53,64 +80,62 @@ def _facts(camera, depsgraph) -> bytes:
 
 def follow(camera, depsgraph) -> None:
     """Take a step if a target of a camera has moved since the last call."""
-    uid, facts = camera.session_uid, _facts(camera, depsgraph)
-    before = _seen.get(uid)
-    _seen[uid] = facts
-    if before is None or before == facts:
+    facts = _facts(camera, depsgraph)
+    own = _cameras.setdefault(camera.session_uid, LiveCamera(facts))
+    before, own.facts = own.facts, facts
+    if before == facts:
         return
     if len(before) != len(facts):
-        _drags.pop(uid, None)
+        own.follower = None
     if start_of(camera) is None:
         camera.scfpf.aim.message = "Press Solve once: the volume follows from then on"
         return
     try:
-        if uid not in _drags:
-            _drags[uid] = AimDrag(camera, depsgraph)
-        residual = _drags[uid].step(depsgraph)
+        if own.follower is None:
+            own.follower = Follower(camera, depsgraph)
+        residual = own.follower.step(depsgraph)
     except USER_ERRORS as error:
-        _drags.pop(uid, None)
+        own.follower = None
         camera.scfpf.aim.message = translated_report(error)
     else:
         message = Message("Follows within {0} px, and is solved when nothing moves", f"{residual:.3g}")
         camera.scfpf.aim.message = translated_report(message)
-        _await_rest(uid)
-
-
-def _await_rest(uid: int) -> None:
-    """Solve after a rest from now on."""
-    if uid in _solves:
-        _solves.pop(uid).cancel()
-    _resting[uid] = monotonic() + REST
-    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=REST)
+        own.await_rest()
 
 
 def _tick() -> float | None:
     settle()
-    return TICK if _resting or _solves else None
+    return TICK if is_busy() else None
+
+
+def is_busy() -> bool:
+    """Return whether a solve is awaited or under way."""
+    return any(own.rests_at is not None or own.solve is not None for own in _cameras.values())
 
 
 def settle() -> None:
     """Start the solves of cameras that have rested, and finish those that are done."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    for uid in [uid for uid, time in _resting.items() if monotonic() >= time]:
-        del _resting[uid]
-        camera = object_by_uid(uid)
+    for uid, own in [*_cameras.items()]:
+        if own.rests_at is None or monotonic() < own.rests_at:
+            continue
+        own.rests_at, camera = None, object_by_uid(uid)
         if camera is not None and is_live(camera) and camera.name in depsgraph.scene.objects:
             with _told(camera):
-                _solves[uid] = WatchedSolve(solving(camera, depsgraph))
-    for uid, solve in list(_solves.items()):
-        camera = object_by_uid(uid)
-        if camera is None or not is_live(camera):
-            _solves.pop(uid).cancel()
+                own.solve = WatchedSolve(solving(camera, depsgraph))
+    for uid, own in [*_cameras.items()]:
+        if own.solve is None:
             continue
-        is_done = True
+        camera, is_done = object_by_uid(uid), True
+        if camera is None or not is_live(camera):
+            own.cancel()
+            continue
         with _told(camera):
-            is_done = solve.is_done()
-            if is_done and uid in _drags:
-                _drags[uid].resume(camera)
+            is_done = own.solve.is_done()
+            if is_done and own.follower is not None:
+                own.follower.resume(camera)
         if is_done:
-            del _solves[uid]
+            own.solve = None
 
 
 @contextmanager
@@ -130,17 +155,18 @@ def scene_updated(_scene, depsgraph) -> None:
     if not live:
         forget()
         return
-    if _drags and _scene_has_changed(depsgraph):
-        _drags.clear()
-        for uid in list(_solves):
-            _await_rest(uid)
+    if any(own.follower for own in _cameras.values()) and _scene_has_changed(depsgraph):
+        for own in _cameras.values():
+            own.follower = None
+            if own.solve is not None:
+                own.await_rest()
     for camera in live:
         if camera.name in depsgraph.scene.objects:
             follow(camera, depsgraph)
 
 
 def _scene_has_changed(depsgraph) -> bool:
-    """Return whether anything that images show has changed, so that the arrays of drags are stale."""
+    """Return whether anything that images show has changed, so that the arrays of followers are stale."""
     own = control_objects()
     return any(
         isinstance(update.id, bpy.types.Object)
@@ -152,15 +178,14 @@ def _scene_has_changed(depsgraph) -> bool:
 
 
 def forget() -> None:
-    """Drop all drags and solves, and what targets were."""
-    for solve in _solves.values():
-        solve.cancel()
-    for kept in (_drags, _seen, _resting, _solves):
-        kept.clear()
+    """Cancel all solves and drop all followers."""
+    for own in _cameras.values():
+        own.cancel()
+    _cameras.clear()
 
 
 def stop() -> None:
-    """End all drags and solves, and the timer."""
+    """Cancel all solves, drop all followers and end the timer."""
     forget()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

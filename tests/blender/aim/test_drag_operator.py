@@ -77,7 +77,7 @@ def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monke
     def refuse(_self, _depsgraph):
         raise error("Not taken, because of the test")
 
-    monkeypatch.setattr(module.AimDrag, "finishing", refuse)
+    monkeypatch.setattr(module.Follower, "finishing", refuse)
     with pytest.raises(RuntimeError, match="Not taken"):
         bpy.ops.scfpf.aim_drag(shift=(0.2, 0.0), orbit=(0.3, 0.1))
     bpy.context.view_layer.update()

@@ -29,7 +29,7 @@ def shows(target, found):
 
 
 def test_the_volume_follows_a_dragged_frame(solved, addon, places):
-    drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(solved, depsgraph())
     target = solved.scfpf.aim_targets[0]
     corner = [(1.0, -0.8, 1.0)]
     start = places(solved, corner)
@@ -50,7 +50,7 @@ def test_the_volume_follows_a_dragged_frame(solved, addon, places):
 
 def test_a_drag_is_restored(solved, addon):
     before = points_of(solved)
-    drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(solved, depsgraph())
     solved.scfpf.aim_targets[0].position[0] += 0.02
     drag.step(depsgraph())
     assert not np.array_equal(points_of(solved), before)
@@ -61,7 +61,7 @@ def test_a_drag_is_restored(solved, addon):
 
 def test_a_drag_that_is_not_taken_leaves_the_volume(solved, addon, monkeypatch):
     before = points_of(solved)
-    drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(solved, depsgraph())
     solved.scfpf.aim_targets[0].position[0] += 0.02
     drag.step(depsgraph())
     judge = addon("aim.judge")
@@ -75,14 +75,14 @@ def test_a_drag_begins_on_any_volume(addon, places):
     camera = turned_view(box_scene(bpy.context.scene), 0.0)
     grid = [(x, 0.0, z) for x in (-4, 0, 4) for z in (0, 2, 3)]
     before = places(camera, grid)
-    addon("bridge.aim.drag").AimDrag(camera, depsgraph())
+    addon("bridge.aim.follower").Follower(camera, depsgraph())
     bpy.context.view_layer.update()
     assert np.abs(places(camera, grid) - before).max() < 0.5
     assert [slot.object.type for slot in camera.scfpf.surfaces] == ["SURFACE"] * 3
 
 
 def test_a_drag_ends_when_its_camera_is_gone(solved, addon):
-    drag = addon("bridge.aim.drag").AimDrag(solved, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(solved, depsgraph())
     bpy.data.objects.remove(solved)
     bpy.context.view_layer.update()
     with pytest.raises(addon("projection.user_error").UserError, match="begin again"):
@@ -137,13 +137,14 @@ def test_live_aim_reads_a_changed_scene_again(solved, addon):
     bpy.context.view_layer.update()
     eye.location.x -= 0.05
     bpy.context.view_layer.update()
-    assert len(live._drags) == 1
+    (own,) = live._cameras.values()
+    assert own.follower is not None
     bpy.data.objects["Left Wall"].location.x -= 1.0
     bpy.context.view_layer.update()
-    assert not live._drags
+    assert own.follower is None
     solved.scfpf.aim.live = False
     bpy.context.view_layer.update()
-    assert not live._seen
+    assert not live._cameras
 
 
 def test_live_aim_waits_for_the_first_solution():
@@ -175,7 +176,7 @@ def test_the_switch_of_live_aim_prepares_the_volume(places):
 def rested(live):
     """Wait until Live Aim has solved."""
     end = time.monotonic() + 120.0
-    while live._resting or live._solves:
+    while live.is_busy():
         assert time.monotonic() < end, "the solve hangs"
         live.settle()
         time.sleep(0.02)
@@ -206,9 +207,10 @@ def test_live_aim_solves_once_when_nothing_moves(solved, addon, monkeypatch):
     settled = points_of(solved)
     assert not np.array_equal(settled, followed)
     bpy.context.view_layer.update()
-    assert not live._resting, "the solve itself is no move"
+    own = live._cameras[solved.session_uid]
+    assert own.rests_at is None, "the solve itself is no move"
     # The next move goes on from it, and Solve finds the same.
-    solver = live._drags[solved.session_uid]._solver
+    solver = own.follower._solver
     assert np.abs(world_points(solved) - solver.points).max() < 1e-3
     assert solve(solved) == {"FINISHED"} and np.abs(points_of(solved) - settled).max() < 1e-5
 
@@ -222,12 +224,13 @@ def test_a_move_cancels_the_solve_of_live_aim(solved, addon, monkeypatch):
     eye.location.x -= 0.05
     bpy.context.view_layer.update()
     live.settle()
-    (first,) = live._solves.values()
+    (own,) = live._cameras.values()
+    first = own.solve
     eye.location.x -= 0.05
     bpy.context.view_layer.update()
-    assert first.task.cancelled and not live._solves and len(live._resting) == 1
+    assert first.task.cancelled and own.solve is None and own.rests_at is not None
     live.forget()
-    assert not live._resting
+    assert not live._cameras
 
 
 def snapshot(camera):
@@ -258,7 +261,7 @@ def test_a_first_drag_that_is_restored_leaves_nothing(addon, places, kind):
     bpy.context.view_layer.update()
     before, points = snapshot(camera), [(x, 0.0, z) for x in (-2, 0, 2) for z in (1, 2)]
     shown = places(camera, points)
-    drag = addon("bridge.aim.drag").AimDrag(camera, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(camera, depsgraph())
     bpy.context.view_layer.update()
     assert [slot.object.type for slot in camera.scfpf.surfaces] == ["SURFACE"] * 3
     camera.scfpf.aim_targets[0].position[0] += 0.02
@@ -287,5 +290,5 @@ def test_keyframed_surfaces_are_not_dragged(addon):
     camera.scfpf.surfaces[1].keyframe_insert("weight", frame=1)
     before = snapshot(camera)
     with pytest.raises(addon("projection.user_error").UserError, match="keyframed: press Solve first"):
-        addon("bridge.aim.drag").AimDrag(camera, depsgraph())
+        addon("bridge.aim.follower").Follower(camera, depsgraph())
     assert snapshot(camera) == before

@@ -104,4 +104,4 @@ def test_a_keyed_volume_survives_saving_and_cannot_be_dragged(keyed, addon, plac
     assert np.abs(places(camera, FRONT) - before).max() < 1e-3
     assert len(points_of(camera)) == 4 * 48 * 3
     with pytest.raises(addon("projection.user_error").UserError, match="keyframed"):
-        addon("bridge.aim.drag").AimDrag(camera, bpy.context.evaluated_depsgraph_get())
+        addon("bridge.aim.follower").Follower(camera, bpy.context.evaluated_depsgraph_get())

@@ -117,7 +117,7 @@ REFUSED = [
 
 
 def by_drag(camera, addon):
-    drag = addon("bridge.aim.drag").AimDrag(camera, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(camera, depsgraph())
     drag.step(depsgraph())
     return addon("bridge.aim.solve_work").run_through(drag.finishing(depsgraph()))
 
@@ -135,9 +135,9 @@ def by_live_aim(camera, addon):
     live = addon("bridge.aim.live_aim")
     live.forget()
     bpy.ops.scfpf.aim_live(camera=camera.name)
-    live._await_rest(camera.session_uid)
-    live._resting[camera.session_uid] = 0.0
-    while live._resting or live._solves:
+    live.follow(camera, bpy.context.evaluated_depsgraph_get())
+    live._cameras[camera.session_uid].rests_at = 0.0
+    while live.is_busy():
         live.settle()
     camera.scfpf.aim.live = False
     return camera.scfpf.aim.message
@@ -299,7 +299,7 @@ def test_the_worst_places_are_marked_in_the_image(camera, addon):
     # What nobody notices is not marked, nor what has moved since.
     target.whole_max = 1.0
     assert len(widgets.worst_places(settings, image)) == 1
-    drag = addon("bridge.aim.drag").AimDrag(camera, depsgraph())
+    drag = addon("bridge.aim.follower").Follower(camera, depsgraph())
     target.position[0] += 0.01
     drag.step(depsgraph())
     assert widgets.worst_places(settings, image) == [] and target.whole_95 == -1.0

@@ -107,7 +107,7 @@ def picture(driver):
 def solved(driver):
     """Generator: wait until no solve is under way or due."""
     live, end = module("bridge.aim.live_aim"), time.monotonic() + PATIENCE
-    while live._resting or live._solves or any("aim" in o.bl_idname for o in driver.window.modal_operators):
+    while live.is_busy() or any("aim" in o.bl_idname for o in driver.window.modal_operators):
         assert time.monotonic() < end, "the solve hangs"
         yield 0.1
     yield from settled()

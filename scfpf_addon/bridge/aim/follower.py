@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A drag of targets: the problem is read once, and each event takes one warm step of the solver."""
+"""The follower of moving targets, for drags and for Live Aim.
+
+The problem is read once, and each event takes one warm step of the solver.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +33,8 @@ from .solve_work import Steps
 from .target_views import view_map
 
 
-class AimDrag:
-    """Arrays and session ids of a drag; no Blender data. Every method raises USER_ERRORS.
+class Follower:
+    """The state of a volume that follows its targets: arrays and ids. Every method raises USER_ERRORS.
 
     A volume that is no solution becomes one, with the same image. Call either ``finishing`` or ``restore``.
     """
@@ -118,7 +121,7 @@ class AimDrag:
     def finishing(self, depsgraph) -> Steps:
         """Solve anew from the start and judge.
 
-        If that fails, is cancelled or is not taken, the volume is as before the drag.
+        If that fails, is cancelled or is not taken, the volume is as it was when the follower was made.
         """
         try:
             message = yield from solving(self._found(), depsgraph)
@@ -130,7 +133,7 @@ class AimDrag:
         return message
 
     def restore(self) -> None:
-        """Bring back the volume from before the drag. Does nothing if the camera is gone."""
+        """Bring back the volume from when the follower was made. Does nothing if the camera is gone."""
         camera = object_by_uid(self._camera)
         if camera is None:
             return
