@@ -69,7 +69,7 @@ class ModalJob:
         """Leave the file as it was, after Esc, an error, or as the extension is disabled."""
 
     def abandon(self, context) -> None:
-        """As ``give_up``, as the window closes, a file is opened or Blender quits.
+        """Give up as the window closes, a file is opened or Blender quits.
 
         The scene cannot be evaluated meanwhile.
         """

@@ -157,7 +157,7 @@ class SCFPF_OT_distance_drag(ModalJob, bpy.types.Operator):
             surface.scfpf_surface.distance, surface.scfpf_surface.angle = self._distance, self._angle
 
     def _along(self, context, event) -> float | None:
-        """How far along the way of the drag the mouse is; None if the way is seen from its end."""
+        """The mouse's place along the way of the drag; None if the way is seen from its end."""
         mouse = event.mouse_region_x, event.mouse_region_y
         view = context.region, context.region_data
         origin, direction = (see(*view, mouse) for see in (region_2d_to_origin_3d, region_2d_to_vector_3d))

@@ -106,7 +106,7 @@ class Judgement:
 
     @property
     def _distances(self) -> float:
-        """By how much the bars of distances are missed, in doublings."""
+        """The amount by which the bars of distances are missed, in doublings."""
         pins = percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))
         found = (*pins, self.background_median, self.background_most)
         bars = (*PIN_BARS, *BACKGROUND_BARS)
@@ -114,7 +114,7 @@ class Judgement:
 
     @property
     def shortfall(self) -> float:
-        """By how much the image misses the bars and hides its pins, in doublings of distances."""
+        """The amount by which the image misses the bars and hides its pins, in doublings of distances."""
         shares = zip((self.mirrored, self.folded, self.hidden), DOUBLING, strict=True)
         return self._distances + float(sum(share / unit for share, unit in shares))
 
@@ -221,7 +221,7 @@ class Judge:
         return mirrored, float((against.any(axis=0) & hit).mean())
 
     def _moved(self, after: Projection, hits: Hits, released: Released | None) -> Array:
-        """See ``Judgement.moved``. hits: of the pixels of the image after."""
+        """The pixels by which the background moved, see ``Judgement``. hits: of the image after."""
         points, pixels, objects = self._background
         now, positions = hits.triangle[pixels], np.stack(self.centres)[:, pixels]
         # What a wanted thing hides is meant to be hidden, and so is what its halo hides.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an anchor sees, traced by the caster, and where points lie in its picture."""
+"""The view of an anchor, traced by the caster, and the places of points in its picture."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def traced_depth(seen: SeenScene, anchor: Anchor) -> Single:
 
 
 def traced_views(scene: SeenScene, anchors: Sequence[Anchor], threads: int = 0) -> list[AnchorView]:
-    """What anchors see. threads: 0 for all cores. Raises Cancelled."""
+    """Trace the views of anchors. threads: 0 for all cores. Raises Cancelled."""
     found: dict[int, Single] = {}
 
     def work(job: TileJob) -> Single:

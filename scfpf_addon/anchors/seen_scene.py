@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What cameras of an engine see of a scene: some engines leave out the backs of some materials' faces."""
+"""The scene as an engine's cameras see it: some engines leave out the backs of some materials' faces."""
 
 from __future__ import annotations
 

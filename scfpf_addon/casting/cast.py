@@ -100,7 +100,7 @@ def near_order(x: Array, y: Array, pixel_size: tuple[float, float]) -> IndexArra
 
 
 def _cast_tile(tile: _Tile, pixel_error: float, counts: CastCounts, weighted: bool) -> Hits:
-    """As ``cast``, for positions in an order in which neighbours are near to each other."""
+    """Cast a tile, whose positions are in an order in which neighbours are near to each other."""
     scene, projection, x, y, _, columns = tile
     spans = projection.volume.spans
     if pixel_error > 0.0 and not spans.is_polyline:
@@ -139,7 +139,7 @@ class _Tile(NamedTuple):
 
 
 def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
-    """As cast, for spans of degree 2 and more, and for rational ones."""
+    """Cast projectors whose spans are of degree 2 and more, or rational."""
     spans = tile.projection.volume.spans
     points, mask, _ = usable_projectors(tile.projection, tile.x, tile.y)
     batch = ProjectorBatch(spans, points)

@@ -31,7 +31,7 @@ AFTER_FRAMES, AFTER_GROUPS = 0.4, 0.7
 
 
 class Planned(NamedTuple):
-    """What a rig is made from.
+    """The plan that a rig is made from.
 
     animated: whether the volume may be. smoke: an object whose smoke the near surface is in at another frame,
     and that frame; ("", 0) without one. looked_at: the objects whose smoke was followed through the frames.
@@ -73,7 +73,7 @@ class Planning:
 
     @property
     def progress(self) -> float:
-        """From 0 to 1."""
+        """The share of the plan that is done, from 0 to 1."""
         if self._frames:
             return AFTER_FRAMES * (1.0 - len(self._frames) / self._count)
         return AFTER_FRAMES if self._groups is None else AFTER_GROUPS
@@ -179,7 +179,7 @@ class Price(NamedTuple):
 
     @property
     def memory(self) -> int:
-        """In bytes, approximately."""
+        """The memory of the rig in bytes, approximately."""
         return self.vertices * BYTES_PER_VERTEX
 
 

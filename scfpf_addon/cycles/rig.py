@@ -85,7 +85,7 @@ def _being_written() -> Iterator[None]:
 
 @contextmanager
 def _rewritten(rig) -> Iterator[None]:
-    """As ``_being_written`` for a rig that stays: after an error it has its sheets, and skips no chord."""
+    """Keep handlers from following while a rig is rewritten; after an error it skips no chord."""
     with _being_written():
         try:
             with sheets_kept(rig):
@@ -214,7 +214,7 @@ def switch_off(rig) -> None:
 
 
 def _remove(rig) -> None:
-    """As ``switch_off``, but leave the settings of the scene."""
+    """Remove a rig and all that was made for it, but leave the settings of the scene."""
     with all_or_nothing() as kept:
         kept.callback(_hide_surfaces)
         kept.keep(rig.scfpf_rig, "is_rig")

@@ -145,7 +145,7 @@ def might_use_each(objects: set) -> Iterator[tuple]:
 
 
 def _uses() -> dict:
-    """What each datablock uses."""
+    """The datablocks that each datablock uses."""
     uses = defaultdict(set)
     for each, users in bpy.data.user_map().items():
         for user in users:

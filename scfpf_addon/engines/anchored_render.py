@@ -134,7 +134,7 @@ class AnchoredRender:
         return inputs, axes
 
     def _seen(self, inputs: RenderInputs) -> SeenScene:
-        """What the engine's cameras see of a scene. Raises CastError, and UserError if it is nothing."""
+        """The scene as the engine's cameras see it. Raises CastError, and UserError if it is empty."""
         geometry = inputs.scene.geometry
         scene = CastScene(geometry.vertices, geometry.triangles)
         shown = scene.only(visible_to(geometry.visibility, CAMERA))

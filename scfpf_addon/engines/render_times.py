@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long an engine's renders took in this session, from which the time of others is estimated."""
+"""The times of an engine's renders in this session, from which the time of others is estimated."""
 
 from __future__ import annotations
 

@@ -170,11 +170,11 @@ class NetBasis:
         return self.net.at(np.repeat(self.u, len(self.v)), np.tile(self.v, len(self.u)))
 
     def take(self, which: IndexArray) -> Places:
-        """As ``Places.take``."""
+        """The places of these numbers, without the grid."""
         return self.places.take(which)
 
     def controls(self, points: Array) -> Array:
-        """As ``Places.controls``, (3, surfaces, 3, U · V)."""
+        """Control points of the projectors and their derivatives by u and v, (3, surfaces, 3, U · V)."""
         net = self.net
         nets = points.reshape(net.columns, net.rows, -1).transpose(2, 0, 1).reshape(-1, net.rows)
         size = nets.shape[0] // net.columns

@@ -69,7 +69,7 @@ class FoldBarrier:
         return least
 
     def _jacobians(self, points: Array) -> Jacobians:
-        """See ``Jacobians``. Those of the same array are kept."""
+        """The Jacobians of control points, kept for the same array."""
         if self._found is None or self._found[0] is not points:
             controls = self.places.controls(points)
             value, slope = self._weights

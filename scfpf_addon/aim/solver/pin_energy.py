@@ -57,7 +57,7 @@ class PinEnergy:
         )
 
     def residuals(self, points: Array, t: Array, targets: PinTargets) -> Residuals:
-        """See ``Residuals``. Those of the same arrays are kept."""
+        """The residuals of pins, kept for the same arrays."""
         asked = points, t, targets
         if self._found is None or any(a is not b for a, b in zip(self._found[0], asked, strict=True)):
             self._found = asked, self._measure(*asked)

@@ -31,7 +31,7 @@ REST, TICK = 0.6, 0.1
 
 @dataclass
 class LiveCamera:
-    """How far the volume of a live camera has followed its targets.
+    """The state of a live camera whose volume follows its targets.
 
     facts: of the targets at the last call. follower: None until they move, or if the scene has changed.
     rests_at: the time at which the camera has rested, None if no solve is awaited. solve: None if none is
@@ -68,7 +68,7 @@ def is_live(camera) -> bool:
 
 
 def _facts(camera, depsgraph) -> bytes:
-    """Everything that a follower follows, as bytes by which changes are noticed."""
+    """The targets' numbers, as bytes by which changes are noticed."""
     values: list[float] = []
     for target in camera.scfpf.aim_targets:
         values += [*target.position, target.width, target.turn, target.is_on]

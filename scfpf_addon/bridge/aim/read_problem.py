@@ -72,7 +72,7 @@ class Targets:
 
 @dataclass(frozen=True)
 class AimInputs:
-    """Everything that a solution needs, in world space.
+    """The inputs of a solution, in world space.
 
     start: the patches of the volume before the first solution. present: the projection as it is. error: by
     how many pixels the start differs from a volume that it replaces. inward: (4, 4), to camera space.
@@ -202,7 +202,7 @@ def _line(target, by_handle: dict[int, int]) -> tuple[int, int]:
 
 
 def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
-    """Everything that a solution of a camera's targets needs. Raises USER_ERRORS.
+    """Read the inputs of a solution of a camera's targets. Raises USER_ERRORS.
 
     kept: the start in camera space, by default that of the camera's present volume.
     """

@@ -63,7 +63,7 @@ class WatchedSolve:
 
     @property
     def share(self) -> float:
-        """How much of the whole solve is done."""
+        """The share of the whole solve that is done."""
         return self._work.first + self._work.size * self.task.progress
 
     def is_done(self) -> bool:

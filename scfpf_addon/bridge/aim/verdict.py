@@ -216,7 +216,7 @@ def _flaws(camera, solution: Solution) -> Message | None:
 
 
 def _start_text(inputs: AimInputs, least: float) -> Message | None:
-    """By how much the start differs from the volume that it replaces, None if by at most ``least`` pixels."""
+    """The difference of the start from the volume that it replaces, None if at most ``least`` pixels."""
     if inputs.error <= least:
         return None
     return Message("the start differs by up to {0}: use more control points", _pixels(inputs.error))

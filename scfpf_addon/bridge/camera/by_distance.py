@@ -45,7 +45,7 @@ MEASURES = 513
 
 
 class View(NamedTuple):
-    """What a camera shows at a distance. angle: the horizontal field of view, radians.
+    """The view of a camera at a distance. angle: the horizontal field of view, radians.
 
     shift: of the middle of the picture, right and up, in widths of the picture.
     """

@@ -111,7 +111,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
 
 
 def lacking(layer) -> str:
-    """What a layer lacks to be shown, and what to do; empty if it is complete."""
+    """The message of what a layer lacks to be shown, and what to do; empty if it is complete."""
     if layer.collection is None:
         return Message("it has no collection: choose one")
     if layer.camera is None:

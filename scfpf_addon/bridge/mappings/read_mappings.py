@@ -28,7 +28,7 @@ KEPT_MAPPINGS = 32
 
 
 class _Described(NamedTuple):
-    """Everything that a mapping depends on, hashable.
+    """A mapping described by all that it depends on, hashable.
 
     numbers: by name. points, shape: of an array of float64; for an ST map ``shape`` is its number.
     """

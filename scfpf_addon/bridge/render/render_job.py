@@ -106,7 +106,7 @@ def stop() -> None:
 
 
 def forget() -> None:
-    """As ``stop``, and release the cache of the last job, too."""
+    """Stop the job, and release the cache of the last one."""
     global _cache
     stop()
     _cache = None

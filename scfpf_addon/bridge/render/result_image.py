@@ -64,7 +64,7 @@ def only_in_memory() -> bool:
 
 
 def show_progress(pixels: Single):
-    """As ``write_result``, for an image in the making: faster, and lost on reload and undo."""
+    """Show an image in the making: faster than ``write_result``, but lost on reload and undo."""
     height, width = pixels.shape[:2]
     image = _prepared_image(width, height)
     image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).reshape(-1))

@@ -50,7 +50,7 @@ def list_index(name, description):
 
 
 def vector(name, description, default, low, high, **options):
-    """As many numbers between two limits as there are defaults."""
+    """A vector of numbers between two limits, as long as its default."""
     given = {"name": name, "description": description, "default": default, "min": low, "max": high}
     return FloatVectorProperty(size=len(default), **(ANIMATABLE | given | options))
 

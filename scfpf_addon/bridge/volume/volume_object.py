@@ -19,7 +19,7 @@ def is_volume_object(candidate) -> bool:
 
 
 def volume_facts(camera) -> tuple:
-    """Everything that ``sync_volume_object`` reads and sets, as numbers by which changes are noticed."""
+    """The state that ``sync_volume_object`` reads and sets, as numbers by which changes are noticed."""
     settings = camera.scfpf
     if not settings.enabled:
         return (camera.session_uid,)

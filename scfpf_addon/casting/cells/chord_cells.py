@@ -104,7 +104,7 @@ def planes_around(corners: Array, room: Array) -> Planes:
 
 
 def _planes_around(corners: Array, room: Array) -> Planes:
-    """As ``planes_around``, of so few cells that the arrays stay in a core's cache."""
+    """The planes around so few cells that the arrays stay in a core's cache."""
     normals = np.empty((6, 3, len(corners)))
     corner = np.ascontiguousarray(corners.transpose(1, 2, 0))
     middle = corner.sum(axis=0) / CORNERS

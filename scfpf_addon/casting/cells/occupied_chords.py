@@ -201,7 +201,7 @@ class _CellSearch:
     def _of_cells(
         self, cell: IndexArray, node: IndexArray, body: BoolArray
     ) -> Iterator[tuple[IndexArray, IndexArray]]:
-        """As ``_step``, of cells whose boxes meet those of nodes, some of them bodies."""
+        """Test pairs of a cell and a node or body whose boxes meet; yield the children's pairs."""
         if len(cell) == 0:
             return
         self._plan(cell)
@@ -246,7 +246,7 @@ class _CellSearch:
             self._test_pairs(cell[some].take(left), body[some].take(left))
 
     def _test_pairs(self, cell: IndexArray, body: IndexArray) -> None:
-        """As ``_test``, of so few pairs that the arrays stay in a core's cache."""
+        """Mark the cells of so few pairs that the arrays stay in a core's cache."""
         points = np.ascontiguousarray(self._tree.points.take(body, 0).transpose(1, 2, 0))
         room = self._tree.room.take(body)
         normals = np.ascontiguousarray(self._normals.take(cell, 0).transpose(1, 2, 0))

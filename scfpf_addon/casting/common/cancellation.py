@@ -51,7 +51,7 @@ class _AnyOf(NamedTuple):
 
 @contextmanager
 def also_cancelled_by(signal: Signal) -> Iterator[None]:
-    """As ``cancelled_by``, while the signal of the context around it still counts."""
+    """Within this context work is cancelled by the signal, and still by that of the context around it."""
     around = _watched.signal
     with cancelled_by(signal if around is None else _AnyOf((around, signal))):
         yield

@@ -64,13 +64,13 @@ def peak_memory() -> int:
 
 
 def windows_available(kernel: Any) -> int | None:
-    """As ``available_memory``, from kernel32.dll."""
+    """Ask kernel32.dll for the available memory, in bytes; None if it does not tell."""
     status = MemoryStatus(length=ctypes.sizeof(MemoryStatus))
     return int(status.available) if kernel.GlobalMemoryStatusEx(ctypes.byref(status)) else None
 
 
 def windows_peak(kernel: Any) -> int:
-    """As ``peak_memory``, from kernel32.dll."""
+    """Ask kernel32.dll for the peak memory of this process, in bytes; 0 if it does not tell."""
     counters = MemoryCounters(length=ctypes.sizeof(MemoryCounters))
     kernel.GetCurrentProcess.restype = ctypes.c_void_p
     process = ctypes.c_void_p(kernel.GetCurrentProcess())

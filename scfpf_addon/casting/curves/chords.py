@@ -132,7 +132,7 @@ def _march(work: TileCast, mask: BoolArray, where: Stretches | None) -> Records:
 def _at_once(
     work: TileCast, projectors: IndexArray, source: NDArray[Any], held: BoolArray, block: IndexArray
 ) -> Records:
-    """As _march for few projectors: all their chords in one batch, of which the first that hits counts."""
+    """Cast all chords of few projectors in one batch; the first that hits counts."""
     schedule = work.schedule
     chord, which = np.nonzero(held.take(block.take(projectors), 1))
     controls = source.take(projectors.take(which), 2)

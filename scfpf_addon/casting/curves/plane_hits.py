@@ -162,7 +162,7 @@ def _plane_heights(
 
 
 def _span_coefficients(spans: SpanBasis, heights: Array, span: IndexArray) -> tuple[Array, Array, Array]:
-    """As _plane_heights, of heights (K, N) of the control points."""
+    """The result of ``_plane_heights`` from the heights (K, N) of the control points."""
     breaks, weights = spans.breaks, spans.point_weights
     if spans.direct:
         if weights is not None:

@@ -55,7 +55,7 @@ def _within(roots: Array) -> Array:
 
 
 def _quadratic(coefficients: Array) -> Array:
-    """As unit_roots. Most have ends on different sides and one root, most of the others none."""
+    """The ``unit_roots`` of quadratics. Most have ends on different sides and one root, most others none."""
     first, middle, last = coefficients
     roots = np.full((2, len(first)), np.nan)
     sides = first * last
@@ -141,7 +141,7 @@ def _roots_between(coefficients: Array, low: Array, high: Array) -> Array:
 
 
 def _linear(coefficients: Array, low: Array, high: Array) -> Array:
-    """As _roots_between, of linear polynomials."""
+    """The roots in [low, high] of linear polynomials, (1, N), NaN where there is none."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         root = coefficients[0] / (coefficients[0] - coefficients[1])
         return np.where((root >= low) & (root <= high), root, np.nan)[None]
@@ -240,7 +240,7 @@ def _monotone(coefficients: Array) -> Array:
 
 
 def _piecewise(coefficients: Array, slopes: Array) -> Array:
-    """As unit_roots; slopes: the differences of the coefficients."""
+    """The ``unit_roots``, one in each monotone piece. slopes: the differences of the coefficients."""
     # Sorted, with the missing turns at 1, where they make empty pieces.
     turns = unit_roots(slopes)
     turns = np.sort(np.where(np.isnan(turns), 1.0, turns), axis=0)

@@ -52,7 +52,7 @@ class ProjectorBatch:
         )
 
     def _at_quadratic(self, t: Array) -> tuple[Array, Array]:
-        """As ``at``, by differences: Q0 + t (2 d + t e), d = Q1 - Q0 and e the second difference."""
+        """Evaluate quadratics by differences: Q0 + t (2 d + t e), d = Q1 - Q0 and e the second difference."""
         first, middle, last = self.points
         step = middle - first
         change = last - middle
@@ -68,7 +68,7 @@ class ProjectorBatch:
         return position, tangent
 
     def _at_bezier(self, t: Array) -> tuple[Array, Array]:
-        """As ``at``, of plain Bézier curves: de Casteljau's algorithm on the differences of their points.
+        """Evaluate plain Bézier curves by de Casteljau's algorithm on the differences of their points.
 
         The first differences of all rounds add up to the way from the first point, divided by t.
         """

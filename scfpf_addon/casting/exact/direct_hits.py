@@ -90,7 +90,7 @@ def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArr
 
 
 def _beside(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
-    """As certify, for ways over two triangles that share an edge; returns which are certain, (M,).
+    """Certify hits whose ways lead over two triangles that share an edge; return which are certain, (M,).
 
     known: where the curves meet the triangles whose prisms were met. Such a triangle must be one of the two
     or next to them. A way begins and ends over the two, and stays so far from all of their other

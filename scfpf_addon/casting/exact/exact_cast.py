@@ -125,7 +125,7 @@ def cast_exact(
 def _cast_shells(
     scene: CastScene, batch: ProjectorBatch, mask: BoolArray, columns: int | None, counts: CastCounts
 ) -> Hits:
-    """As cast_exact, of one part of the scene after the other."""
+    """Cast at one part of the scene after the other."""
     hits = Hits.empty(batch.count)._replace(mask=mask)
     for part, numbers in scene.shells:
         points = (batch.points - part.centre[:, None]) * part.scale
@@ -156,7 +156,7 @@ def _traverse(traversal: Traversal, rays: Rays, found: NDArray[np.int32]) -> Non
 
 
 def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts: CastCounts) -> Hits:
-    """As cast_exact, if all projectors together need too many chords: halves need fewer."""
+    """Cast the projectors in two halves, which need fewer chords than all together."""
     if batch.count <= FEWEST:
         raise CastError(
             "exact casting would need more than {0:,} chords a projector, so much larger than the scene is "

@@ -87,7 +87,7 @@ class Traversal(NamedTuple):
 
 
 def next_chords(held: BoolArray) -> NDArray[np.intp]:
-    """For each chord, the next one that may enter a prism: itself or a later one, (n+1, B).
+    """The next chord that may enter a prism, from each chord on: itself or a later one, (n+1, B).
 
     It is n where no further chord may. held: (n, B) whether a chord of a block's projectors may enter one.
     """
@@ -152,7 +152,7 @@ def _ahead(traversal: Traversal, rays: Rays) -> BoolArray:
 
 
 def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
-    """As advance, with all chords ``along`` (M, n) in one batch: the first that meets a face counts."""
+    """Follow all chords ``along`` (M, n) in one batch: the first that meets a face counts."""
     which, chord = np.nonzero(along)
     here = chord == rays.chord[which]
     fresh = Rays(

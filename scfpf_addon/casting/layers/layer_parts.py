@@ -80,11 +80,11 @@ class Hull:
         return cls(*np.array(ends).T)
 
     def may_be_met(self, projection: Projection, x: Array, y: Array, around: float) -> BoolArray:
-        """Whether projectors through image positions (N,) may meet the hull widened by ``around``, (N,)."""
+        """Return whether projectors through positions (N,) may meet the hull widened by ``around``, (N,)."""
         return self.met_by(projection.projectors(x, y), projection.volume.spans.is_straight, around)
 
     def met_by(self, projectors: Projectors, is_straight: bool, around: float) -> BoolArray:
-        """Whether N projectors may meet the hull widened by ``around``, (N,).
+        """Return whether N projectors may meet the hull widened by ``around``, (N,).
 
         Certain for misses: a projector lies in the hull of its control points.
         """

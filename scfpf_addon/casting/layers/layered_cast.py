@@ -63,14 +63,12 @@ class KnownProjectors(Projection):
         return cls(**{each.name: getattr(projection, each.name) for each in fields(Projection)}, known=known)
 
     def projectors(self, x: Array, y: Array) -> Projectors:
-        """See ``Projection``, for the n image positions."""
         assert self.known is not None
         if self.which is None:
             return self.known
         return Projectors(self.known.points.take(self.which, 2), self.known.valid.take(self.which))
 
     def subset(self, which: IndexArray) -> Projection:
-        """See ``Projection``."""
         return replace(self, which=which if self.which is None else self.which[which])
 
 
@@ -132,7 +130,7 @@ class LayeredCast:
         return [LayeredHits(*each) for each in zip(rests, layer.reshape(len(rests), -1), strict=True)]
 
     def may_meet(self, number: int, x: Array, y: Array) -> BoolArray:
-        """Whether a layer from 1 on may be seen at image positions (N,)."""
+        """Return whether a layer from 1 on may be seen at image positions (N,)."""
         met = np.zeros(len(x), bool)
         met[self._meeting(number, x, y).which] = True
         return met

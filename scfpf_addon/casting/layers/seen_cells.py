@@ -61,7 +61,7 @@ class SeenCells:
         return cls(held)
 
     def hold(self, u: Array, v: Array) -> BoolArray:
-        """Whether projectors through image parameters (N,) may meet the things, (N,)."""
+        """Return whether projectors through image parameters (N,) may meet the things, (N,)."""
         side = FINE + 2
         row, column = (np.clip(place * FINE + 1.0, 0.0, side - 1.0).astype(np.intp) for place in (v, u))
         row *= side

@@ -116,7 +116,7 @@ class CastScene(CastTriangles):
         return self._part(np.packbits(kept).tobytes(), build)
 
     def enclosed(self, kept: BoolArray, lower: Array, upper: Array) -> CastScene | None:
-        """As ``only``, of the parts of triangles in a box, which is wider than that by roundings.
+        """Return a scene of those parts of the ``kept`` triangles that lie in a box, widened by roundings.
 
         lower, upper: (3,), cast space. Exact casting may hit the triangles beyond the box, too. The bounds of
         the scene, and of its empty space, are those of what can be hit.

@@ -213,7 +213,7 @@ class CastTriangles:
         return weights
 
     def clipped_barycentric(self, positions: Array, triangles: IndexArray) -> Array:
-        """As ``barycentric``, moved into the triangle where positions are outside."""
+        """The weights of ``barycentric``, moved into the triangle where positions are outside."""
         weights = np.clip(self.barycentric(positions, triangles), 0.0, 1.0)
         weights /= np.maximum(weights.sum(axis=0), 1.0)
         return weights

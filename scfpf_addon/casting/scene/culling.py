@@ -50,7 +50,7 @@ def within_projection(geometry: Geometry, projection: Projection) -> BoolArray:
     """
 
     def within(volume: ViewingVolume) -> BoolArray:
-        """Whether each triangle may meet a volume."""
+        """Return whether each triangle may meet a volume."""
         return within_volume(geometry.vertices, geometry.triangles, volume)
 
     kept, numbers = within(projection.volume), geometry.image_layer

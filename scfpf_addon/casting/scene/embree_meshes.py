@@ -110,7 +110,7 @@ def build_mesh(vertices: NDArray[Any], faces: NDArray[np.int32]) -> EmbreeMesh:
 def _copied_by_embreex(
     scene: Any, meshes: Any, vertices: NDArray[Any], faces: NDArray[np.int32]
 ) -> EmbreeMesh:
-    """As build_mesh, with embreex's own copy of the mesh."""
+    """Build an Embree scene that has embreex's own copy of the mesh."""
     corners = faces.shape[1]
     halves = faces if corners == 3 else faces[:, HALVES].reshape(-1, 3)
     mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), halves)

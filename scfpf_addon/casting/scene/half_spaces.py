@@ -77,7 +77,7 @@ class HalfSpaces:
         return type(self)(self.normals[chosen], self.limits[chosen])
 
     def _met_by_bits(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """As ``met_by``, for at most MOST_PLANES planes."""
+        """Return whether triangles may meet the body, (T,), of at most MOST_PLANES planes."""
         # In one thread: steps this short take as long in two, which wait for each other.
         outside = np.empty(len(vertices), np.uint16)
         for some in chunks(len(vertices)):

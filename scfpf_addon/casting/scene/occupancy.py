@@ -95,7 +95,7 @@ class Occupancy:
         return held
 
     def holds_finely(self, lower: Array, upper: Array) -> BoolArray:
-        """As ``holds``, by the fine cells; boxes over MODULUS of these or more count as not empty."""
+        """Return whether boxes meet a marked fine cell; those across MODULUS cells or more count too."""
         first, last = self._cells(lower, upper, FINER)
         size = last - first
         held: BoolArray = count_in_boxes(self.finer, first, last) != 0
@@ -138,7 +138,7 @@ def _mark(held: BoolArray, first: IndexArray, size: IndexArray) -> None:
 
 
 def _mark_large(held: BoolArray, first: IndexArray, size: IndexArray) -> None:
-    """As _mark, by running sums of +1 and -1 at the corners of the boxes."""
+    """Set the cells of large boxes by running sums of +1 and -1 at their corners."""
     changes = np.zeros(np.array(held.shape) + 1, np.int32)
     for corner in product((0, 1), repeat=3):
         place = tuple(first + size * np.array(corner)[:, None])

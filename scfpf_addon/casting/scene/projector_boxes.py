@@ -39,7 +39,7 @@ def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
 def _kept_weights(
     matrices: bytes, shape: tuple[int, int, int], point_weights: bytes | None, parts: int
 ) -> Array:
-    """As piece_weights: all tiles of an image need the same ones."""
+    """The cached ``piece_weights``: all tiles of an image need the same ones."""
     edges = np.linspace(0.0, 1.0, PIECES * parts + 1)
     weights = None if point_weights is None else np.frombuffer(point_weights).reshape(shape[:2])
     result = weights_between(edges, np.frombuffer(matrices).reshape(shape), weights)
@@ -48,7 +48,7 @@ def _kept_weights(
 
 
 def weights_between(edges: Array, matrices: Array, point_weights: Array | None) -> Array:
-    """As piece_weights, of the P pieces between edges (P+1,) in the parameter of S spans: (S·P, degree+1, K).
+    """The weights of the P pieces between edges (P+1,) in the parameter of S spans, (S·P, degree+1, K).
 
     matrices, point_weights: as in ``SpanBasis``.
     """
@@ -110,7 +110,7 @@ def piece_bounds(
 def bounds_of_each(
     weights: Array, which: IndexArray, lower: NDArray[Any], upper: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """As piece_bounds, of the parts of one piece each: (3, parts, M) both.
+    """The bounds of the parts of one piece for each of M boxes, (3, parts, M) both.
 
     weights: (P, parts, degree+1, K). which: (M,) the pieces. lower, upper: (K, 3, M).
     """

@@ -171,7 +171,7 @@ def _sample(projection: Projection, size: tuple[int, int]) -> _Sampled:
 def _curves(
     projection: Projection, size: tuple[int, int], x: Array, y: Array
 ) -> tuple[Curves, BoolArray, BoolArray]:
-    """As ``curves_through``, with derivatives by one pixel."""
+    """The ``curves_through`` image positions, with derivatives by one pixel."""
     curves, valid, mask = curves_through(projection, x, y)
     return Curves(curves.points, curves.dx / size[0], curves.dy / size[1]), valid, mask
 

@@ -152,7 +152,7 @@ class Mist(NamedTuple):
 
     @classmethod
     def of(cls, world) -> Mist:
-        """That of a world, or of None."""
+        """The mist of a world, or of None."""
         if world is None:
             return cls(*NO_MIST.values())
         mist = world.mist_settings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything that a render of layers needs to know of a scene, read at once: views, and the things of layers.
+"""The scene as a render of layers needs it, read at once: views, and the things of layers.
 
 From these follow the pixels of each layer, and whether positions need materials.
 """

@@ -233,7 +233,7 @@ class LayerRender(NamedTuple):
     is_hit: BoolArray
 
     def part(self, own: tuple[slice, slice]) -> LayerRender:
-        """That of some rows and columns."""
+        """The part of the render in some rows and columns."""
         passes = {name: Pass(letters, values[own]) for name, (letters, values) in self.passes.items()}
         every = (slice(None), slice(None), *own)
         return LayerRender(self.color[own], passes, self.position[every], self.is_hit[every[1:]])

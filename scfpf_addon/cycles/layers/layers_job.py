@@ -79,7 +79,7 @@ class LayersJob:
             return self._next_render()
 
     def _next_render(self) -> bool:
-        """As ``step``."""
+        """Advance to the next render; False after the last picture. Raises USER_ERRORS."""
         while self._render is not None or self._begin():
             assert self._render is not None
             try:

@@ -141,7 +141,7 @@ def add_to_aovs(nodes: FieldBuilder, due, ray: Value | None, follow) -> None:
 
 
 def writes_place(material) -> bool:
-    """Whether a material writes u and v into AOVs."""
+    """Return whether a material writes u and v into AOVs."""
     nodes = () if material is None or material.node_tree is None else material.node_tree.nodes
     return any(node.type == "OUTPUT_AOV" and node.aov_name == AOV_PLACE for node in nodes)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything that a camera ray of Cycles may meet, as convex bodies: triangles, and boxes around the rest."""
+"""The things that a camera ray of Cycles may meet, as convex bodies: triangles, and boxes around the rest."""
 
 from __future__ import annotations
 

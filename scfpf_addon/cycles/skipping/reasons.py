@@ -25,13 +25,13 @@ def obstacle(rig, motion: Motion | None = None) -> str:
 
 
 def material_obstacle(rig) -> str:
-    """As ``obstacle``, if it is a material."""
+    """The ``obstacle`` that is a material, or an empty text."""
     displaced = _displacing(rig.scfpf_rig.scene)
     return f"The displacement of '{displaced}' has no known bounds" if displaced else ""
 
 
 def setting_obstacle(rig) -> str:
-    """As ``obstacle``, if it is a setting of the scene or its world."""
+    """The ``obstacle`` that is a setting of the scene or its world, or an empty text."""
     scene, render = rig.scfpf_rig.scene, rig.scfpf_rig.scene.render
     if any(other != scene and rig in other.collection.children_recursive for other in bpy.data.scenes):
         return "Another scene renders through this rig, too"

@@ -185,7 +185,7 @@ def watch(rig, depsgraph, has_new_frame: bool = False) -> None:
 
 
 def _has_unwatched(rig, depsgraph) -> bool:
-    """As ``has_unwatched``, looked up again once members of the scene or their visibility have changed."""
+    """Return ``has_unwatched``, found again once members of the scene or their visibility have changed."""
     uid = rig.session_uid
     if uid not in _unwatched or any(depsgraph.id_type_updated(kind) for kind in ("SCENE", "COLLECTION")):
         _unwatched[uid] = has_unwatched(rig.scfpf_rig.scene, depsgraph.view_layer)

@@ -41,7 +41,7 @@ POINTING_TYPES = {"Object", "Collection"}
 
 
 class OwnChange(NamedTuple):
-    """How an object may change with the frame by itself.
+    """The kind of an object's own change with the frame, and what it depends on.
 
     kind: NO_CHANGE, BY_FRAME or SIMULATED. others: session ids of the objects that it depends on.
     """
@@ -126,7 +126,7 @@ def _own_change(obj, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]
 
 
 def _change_of_data(data, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
-    """As ``_own_change``, of the data of an object or None."""
+    """The change of an object's data by itself, and the objects that it depends on. data: or None."""
     if data is None:
         return NO_CHANGE, []
     if data.session_uid not in looked_at:
@@ -138,7 +138,7 @@ def _change_of_data(data, looked_at: dict[int, tuple[int, list]]) -> tuple[int, 
 
 
 def _change_of_modifier(modifier, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
-    """As ``_own_change``."""
+    """The change of a modifier by itself, and the objects that it depends on."""
     if modifier.type not in STILL:
         return (BY_FRAME if modifier.type in BY_THE_FRAME else SIMULATED), _pointed(modifier)
     change, others = NO_CHANGE, _pointed(modifier)
@@ -152,7 +152,7 @@ def _change_of_modifier(modifier, looked_at: dict[int, tuple[int, list]]) -> tup
 
 
 def _change_of_tree(tree, looked_at: dict[int, tuple[int, list]]) -> tuple[int, list]:
-    """As ``_own_change``."""
+    """The change of a node tree by itself, and the objects that it depends on."""
     if tree.session_uid in looked_at:
         return looked_at[tree.session_uid]
     change, others = BY_FRAME if has_other_animation(tree) else NO_CHANGE, []

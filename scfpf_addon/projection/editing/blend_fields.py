@@ -61,7 +61,7 @@ class BlendField:
 
     @property
     def has_seam(self) -> bool:
-        """Whether the field goes from 0 to 1 along a curve, without a border."""
+        """Return whether the field goes from 0 to 1 along a curve, without a border."""
         return self.is_sharp if self.kind == "IMAGE" else self.border <= 0.0
 
     def levels(self, x: Array, y: Array, aspect: float) -> Array:

@@ -22,7 +22,7 @@ class InterpolatedSurface(ControlSurface):
     share: float
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ``ControlSurface``; tiles are those of ``before``."""
+        """The sample; its tiles are those of ``before``."""
         a, b = self.before.evaluate(u, v), self.after.evaluate(u, v)
         return SurfaceSample(
             self._mixed(a.position, b.position),
@@ -36,17 +36,15 @@ class InterpolatedSurface(ControlSurface):
         return a + (b - a) * self.share
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ``ControlSurface``."""
         a, b = self.before.positions(u, v), self.after.positions(u, v)
         return SurfacePositions(self._mixed(a.position, b.position), a.valid & b.valid)
 
     def local_hull(self) -> Array:
-        """See ``ControlSurface``: every point between two convex sets lies in the hull of both."""
+        """The points of both hulls: every point between two convex sets lies in the hull of both."""
         return np.concatenate([self.before.hull(), self.after.hull()], axis=1)
 
     @property
     def bends(self) -> tuple[float, float] | None:
-        """See ``ControlSurface``."""
         one, other = _bends_outside(self.before), _bends_outside(self.after)
         if one is None or other is None:
             return None
@@ -54,12 +52,10 @@ class InterpolatedSurface(ControlSurface):
 
     @property
     def creases(self) -> tuple[Array, Array]:
-        """See ``ControlSurface``."""
         (one_u, one_v), (other_u, other_v) = self.before.creases, self.after.creases
         return np.union1d(one_u, other_u), np.union1d(one_v, other_v)
 
     def transformed(self, matrix: Array) -> Self:
-        """See ``ControlSurface``."""
         return replace(self, before=self.before.transformed(matrix), after=self.after.transformed(matrix))
 
 

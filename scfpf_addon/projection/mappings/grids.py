@@ -54,7 +54,6 @@ class STMap(Reparameterisation):
         return np.ascontiguousarray(values.reshape(-1, 2).T), np.ravel(self.present)
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map."""
         ((low_left, low_right), (up_left, up_right)), a, b, mask = self._cell(x, y)
         height, width = self.present.shape
         below, above = low_left + a * (low_right - low_left), up_left + a * (up_right - up_left)
@@ -63,7 +62,6 @@ class STMap(Reparameterisation):
         return ImageMap(u, v, np.stack([by_x * width, (above - below) * height], axis=1), mask)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         ((low_left, low_right), (up_left, up_right)), a, b, mask = self._cell(x, y)
         below, above = low_left + a * (low_right - low_left), up_left + a * (up_right - up_left)
         u, v = below + b * (above - below)
@@ -83,7 +81,6 @@ class STMap(Reparameterisation):
         return corners, across - column, up - row, mask
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See ``found_by_search``."""
         return found_by_search(self, u, v, aspect)
 
 
@@ -112,7 +109,6 @@ class DeformedGrid(Reparameterisation):
         return padded
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map."""
         rows, columns = self.seen.shape[:2]
         column, by_u, slope_u = _weights(x, columns)
         row, by_v, slope_v = _weights(y, rows)
@@ -128,7 +124,6 @@ class DeformedGrid(Reparameterisation):
         return ImageMap(place[0], place[1], np.stack([by_x, by_y], axis=1), np.ones(len(x), bool))
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See ``found_by_search``."""
         return found_by_search(self, u, v, aspect)
 
 

@@ -53,7 +53,7 @@ class Radial(Reparameterisation):
         return FARTHEST
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; x and y may lie outside of the image."""
+        """The (u, v) of image positions; x and y may lie outside of the image."""
         sx, sy = max(aspect, 1.0), max(1 / aspect, 1.0)
         a, b = (x - self.centre[0]) * 2 * sx, (y - self.centre[1]) * 2 * sy
         r = np.hypot(a, b)
@@ -70,7 +70,6 @@ class Radial(Reparameterisation):
         return ImageMap(*self._moved(x, y, share), jacobian, mask)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         share, _, mask = self.profile(self._radius(x, y, aspect))
         return ImagePoints(*self._moved(x, y, share), mask)
 
@@ -145,7 +144,6 @@ class RadialCurve(Radial):
         return r, f, monotone_slopes(r, f)
 
     def profile(self, r: Array) -> Profile:
-        """See Radial.profile."""
         at, f, slopes = self._knots
         cell = np.clip(np.searchsorted(at, r, side="right") - 1, 0, len(at) - 2)
         width = at[cell + 1] - at[cell]
@@ -220,11 +218,9 @@ class Distortion(Radial):
 
     @property
     def limit(self) -> float:
-        """See Radial.limit."""
         return self._limit
 
     def profile(self, r: Array) -> Profile:
-        """See Radial.profile."""
         over, under = self._polynomials
         q = (r / self.radius) ** 2
         top, bottom = over(q), under(q)
@@ -250,7 +246,6 @@ class MagicLens(Radial):
     centre: tuple[float, float] = (0.5, 0.5)
 
     def profile(self, r: Array) -> Profile:
-        """See Radial.profile."""
         inner, least = self.radius * (1.0 - self.falloff), 1.0 / self.magnification
         width = self.radius - inner
         value, slope = np.where(r < inner, r * least, r), np.where(r < inner, least, 1.0)
@@ -295,7 +290,7 @@ class CurvedDisplay(Reparameterisation):
         return self._depth(0.5 * self.arc) / self.arc
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; the mask is False where the screen would be behind the viewer."""
+        """The (u, v) of image positions; the mask is False where the screen would be behind the viewer."""
         angle = (x - 0.5) * self.arc
         sine, cosine = np.sin(angle), np.cos(angle)
         depth = self.distance - 1.0 + cosine
@@ -312,7 +307,6 @@ class CurvedDisplay(Reparameterisation):
         return ImageMap(0.5 + scale * sine / depth, 0.5 + up * (self.arc * scale) / depth, jacobian, mask)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Radial.image_positions."""
         tangent = (u - 0.5) / self._across
         # sin θ = k (e + cos θ): the farther end of the ray's way through the circle.
         beyond = (self.distance - 1.0) * tangent / np.hypot(1.0, tangent)

@@ -28,14 +28,13 @@ class InverseMapping(Reparameterisation):
     mapping: Reparameterisation
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; the mask is False where the mapping leads nowhere."""
+        """The (u, v) of image positions; the mask is False where the mapping leads nowhere."""
         place_x, place_y, found = self._places(x, y, aspect)
         image = self.mapping.map(place_x, place_y, aspect)
         inverse, regular = inverse_jacobian(image.jacobian)
         return ImageMap(place_x, place_y, inverse, found & image.mask & regular)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         return ImagePoints(*self._places(x, y, aspect))
 
     def _places(self, x: Array, y: Array, aspect: float) -> tuple[Array, Array, BoolArray]:
@@ -57,7 +56,6 @@ class PartialMapping(Reparameterisation):
     factor: float
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map."""
         image = self.mapping.map(x, y, aspect)
         jacobian = image.jacobian * self.factor
         jacobian[0, 0] += 1.0 - self.factor
@@ -65,7 +63,6 @@ class PartialMapping(Reparameterisation):
         return ImageMap(*self._mixed(x, y, image), jacobian, image.mask)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         image = self.mapping.points(x, y, aspect)
         return ImagePoints(*self._mixed(x, y, image), image.mask)
 
@@ -73,7 +70,6 @@ class PartialMapping(Reparameterisation):
         return x + self.factor * (image.u - x), y + self.factor * (image.v - y)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See ``found_by_search``."""
         return found_by_search(self, u, v, aspect)
 
 
@@ -85,7 +81,7 @@ class Stack(Reparameterisation):
     base: Reparameterisation
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; nothing is seen outside of the base's image."""
+        """The (u, v) of image positions; nothing is seen outside of the base's image."""
         jacobian, mask = None, np.ones(len(x), bool)
         for mapping in self.mappings:
             image = mapping.map(x, y, aspect)
@@ -96,7 +92,6 @@ class Stack(Reparameterisation):
         return ImageMap(image.u, image.v, _chained(image.jacobian, jacobian), mask & inside & image.mask)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         place = mapped_places(self.mappings, x, y, aspect)
         x, y, inside = self._clipped(place.u, place.v)
         image = self.base.points(x, y, aspect)
@@ -107,7 +102,7 @@ class Stack(Reparameterisation):
         return np.clip(x, 0.0, 1.0), np.clip(y, 0.0, 1.0), _in_image(x, y)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Reparameterisation.image_positions; NaN where the image does not show (u, v)."""
+        """The image positions of (u, v), NaN where the image does not show them."""
         x, y = self.base.image_positions(u, v, aspect)
         for mapping in reversed(self.mappings):
             x, y = mapping.image_positions(x, y, aspect)

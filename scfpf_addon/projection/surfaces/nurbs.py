@@ -237,11 +237,10 @@ class NurbsPatch(ControlSurface):
         return np.concatenate([flat[:3] * flat[3], flat[3:]])
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64)[..., :3].reshape(-1, 3).T
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position: quicker where u, v (N,) are the rows of a grid."""
+        """The positions; quicker where u, v (N,) are the rows of a grid."""
         basis_u, basis_v = self._bases
         width = _row_length(u, v)
         if width >= SHORTEST_ROW:
@@ -257,7 +256,7 @@ class NurbsPatch(ControlSurface):
         return SurfacePositions(total[:3], np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local; tiles are what lies between creases."""
+        """The sample; its tiles are what lies between creases."""
         basis_u, basis_v = self._bases
         (place_u, tile_u), (place_v, tile_v) = basis_u.at(u), basis_v.at(v)
         total, du, dv = found = np.zeros((3, len(self._homogeneous), len(u)))
@@ -294,7 +293,7 @@ class NurbsPatch(ControlSurface):
         evaluate_pieces(self._coefficients, row * len(basis_u.pieces.middle) + column, a, b, total)
 
     def _combine_rows(self, up: Acting, across: Acting) -> Array:
-        """As ``_combine`` where each of H rows of parameters has the same W in it, (3 or 4, H · W).
+        """Combine H rows of parameters that have the same W in each of them, (3 or 4, H · W).
 
         Along v once a row, then along u the curve that this gives.
         """

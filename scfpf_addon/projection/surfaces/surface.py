@@ -143,17 +143,14 @@ class Point(ControlSurface):
     """A centre of projection: every (u, v) lies at the origin, and both derivatives vanish."""
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         nought = np.zeros((3, len(u)))
         return self._whole(nought, nought, nought)
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return np.zeros((3, 1))
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return 0.0, 0.0
 
 
@@ -165,13 +162,11 @@ class Plane(ControlSurface):
     height: float = 1.0
 
     def positions(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.positions."""
         across, up = self.matrix[:3, 0] * self.width, self.matrix[:3, 1] * self.height
         corner = self.matrix[:3, 3] - 0.5 * (across + up)
         return SurfacePositions(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         zero, one = np.zeros_like(u), np.ones_like(u)
         return self._whole(
             _rows((u - 0.5) * self.width, (v - 0.5) * self.height, zero),
@@ -180,12 +175,10 @@ class Plane(ControlSurface):
         )
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return _box(0.5 * self.width, 0.5 * self.height, 0.0)
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return 0.0, 0.0
 
 
@@ -198,26 +191,22 @@ class BilinearPatch(ControlSurface):
     )
 
     def positions(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.positions."""
         linear = self.matrix[:3, :3]
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64) @ linear.T + self.matrix[:3, 3]
         terms = (c00, c10 - c00, c01 - c00, c11 - c10 - c01 + c00)
         return SurfacePositions(_bilinear(terms, u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
         bottom, top = c00 + (c10 - c00) * u, c01 + (c11 - c01) * u
         along = (c10 - c00) * (1 - v) + (c11 - c01) * v
         return self._whole(bottom + (top - bottom) * v, along, top - bottom)
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return np.asarray(self.corners, np.float64).T
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return 0.0, 0.0
 
 
@@ -229,7 +218,6 @@ class Disc(ControlSurface):
     arc: float = 2 * np.pi
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         angle = self.arc * u
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
         r = self.radius * v
@@ -240,12 +228,10 @@ class Disc(ControlSurface):
         )
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return _box(self.radius, self.radius, 0.0)
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return self.arc**2 * abs(self.radius), 0.0
 
 
@@ -261,7 +247,6 @@ class Paraboloid(ControlSurface):
     depth: float = 0.5
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         angle = self.arc * u
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
         r = self.radius * v
@@ -272,14 +257,12 @@ class Paraboloid(ControlSurface):
         )
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         hull = _box(self.radius, self.radius, 0.5 * self.depth)
         hull[2] += 0.5 * self.depth
         return hull
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return self.arc**2 * abs(self.radius), 2.0 * abs(self.depth)
 
 
@@ -297,13 +280,11 @@ class Cone(ControlSurface):
     height: float = 1.0
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position."""
         angle = (u - 0.5) * self.arc
         r = self.radius_start + (self.radius_end - self.radius_start) * v
         return self._placed(r * np.sin(angle), (v - 0.5) * self.height, -r * np.cos(angle))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         angle = (u - 0.5) * self.arc
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
         slope = self.radius_end - self.radius_start
@@ -315,13 +296,11 @@ class Cone(ControlSurface):
         )
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         radius = max(abs(self.radius_start), abs(self.radius_end))
         return _box(radius, 0.5 * self.height, radius)
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return self.arc**2 * max(abs(self.radius_start), abs(self.radius_end)), 0.0
 
 
@@ -334,20 +313,16 @@ class Cylinder(ControlSurface):
     height: float = 1.0
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position."""
         return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v)
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         return Cone(self.radius, self.radius, self.arc, self.height).local(u, v)
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return _box(self.radius, 0.5 * self.height, self.radius)
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return self.arc**2 * abs(self.radius), 0.0
 
 
@@ -365,7 +340,6 @@ class SphereSector(ControlSurface):
     latitude_end: float = np.pi / 2
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         longitude = (u - 0.5) * self.arc
         extent = self.latitude_end - self.latitude_start
         latitude = self.latitude_start + extent * v
@@ -378,12 +352,10 @@ class SphereSector(ControlSurface):
         )
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return _box(self.radius, self.radius, self.radius)
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         extent = self.latitude_end - self.latitude_start
         return self.arc**2 * abs(self.radius), extent**2 * abs(self.radius)
 
@@ -417,7 +389,6 @@ class Grid(ControlSurface):
         return np.ascontiguousarray(table.reshape(2, 2, 3, -1))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         rows, columns = self.points.shape[:2]
         cell, a, b = self._cells(u, v)
         (corner, right), (up, twist) = self._polynomials.take(cell, 3)
@@ -425,7 +396,7 @@ class Grid(ControlSurface):
         return self._whole(corner + along * a + up * b, (columns - 1) * along, (rows - 1) * across)
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position: a block of points at a time."""
+        """The positions, computed for a block of points at a time."""
         position = np.empty((3, len(u)))
         for start in range(0, len(u), BLOCK):
             part = slice(start, start + BLOCK)
@@ -442,16 +413,13 @@ class Grid(ControlSurface):
         return row * (columns - 1) + column, across - column, up - row
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64).reshape(-1, 3).T
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends."""
         return 0.0, 0.0
 
     @property
     def creases(self) -> tuple[Array, Array]:
-        """See ControlSurface.creases."""
         rows, columns = self.points.shape[:2]
         return np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)

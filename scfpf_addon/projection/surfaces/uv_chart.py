@@ -57,7 +57,7 @@ class UVChart:
 
     @cached_property
     def edges(self) -> Array:
-        """From the first corner to the second and the third, (2, 2, T): edge, then u and v."""
+        """The edges from the first corner to the second and the third, (2, 2, T): edge, then u and v."""
         result: Array = np.ascontiguousarray((self.uv[:, 1:] - self.uv[:, :1]).transpose(1, 2, 0), np.float64)
         return result
 
@@ -225,7 +225,7 @@ def _numbered(vertex: IndexArray, uv: Array) -> IndexArray:
 
 
 def _components(corners: IndexArray) -> IndexArray:
-    """For each number in corners (T, 3) the lowest number that triangles connect it to."""
+    """The lowest number that triangles connect each number in corners (T, 3) to."""
     label = np.arange(int(corners.max()) + 1)
     while True:
         own = label[corners]

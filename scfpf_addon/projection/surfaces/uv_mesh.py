@@ -65,15 +65,12 @@ class UVMesh(ControlSurface):
         return SurfacePositions(position, valid)
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64).T
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position."""
         return self._placed_at(self.chart.find(u, v))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         found = self.chart.find(u, v)
         position, valid = self._placed_at(found)
         du, dv = (slope.take(found.triangle, 1, mode="clip") * valid for slope in self._derivatives)

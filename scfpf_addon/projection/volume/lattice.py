@@ -97,7 +97,7 @@ class LatticeLayer(ControlSurface):
 
     @property
     def bends(self) -> tuple[float, float]:
-        """See ControlSurface.bends: second derivatives are Bézier, of second differences."""
+        """The bends: second derivatives are Bézier, of second differences."""
         rows, columns = np.shape(self.moved)[:2]
         by_v, by_u = (
             6.0 * (count - 1) ** 2 * float(np.linalg.norm(np.diff(self._bezier, 2, axis), axis=2).max())
@@ -107,12 +107,10 @@ class LatticeLayer(ControlSurface):
 
     @property
     def creases(self) -> tuple[Array, Array]:
-        """See ControlSurface.creases."""
         rows, columns = np.shape(self.moved)[:2]
         return np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows)
 
     def local_hull(self) -> Array:
-        """See ControlSurface.local_hull."""
         bezier = self._bezier
         rest = self._rest(*(a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 1.0])))
         # What the points are moved by anywhere, from anywhere in the rectangle.
@@ -123,7 +121,7 @@ class LatticeLayer(ControlSurface):
         return hull
 
     def local_position(self, u: Array, v: Array) -> SurfacePositions:
-        """See ControlSurface.local_position: a block of points at a time."""
+        """The positions, computed for a block of points at a time."""
         position = self._rest(u, v)
         table = self._patches[: self._degree_v + 1, : self._degree_u + 1]
         moved = np.empty((3, min(len(u), BLOCK)))
@@ -135,7 +133,6 @@ class LatticeLayer(ControlSurface):
         return SurfacePositions(position, np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
-        """See ControlSurface.local."""
         cell, a, b = self._cell(u, v)
         rows, columns = np.shape(self.moved)[:2]
         position = self._rest(u, v)

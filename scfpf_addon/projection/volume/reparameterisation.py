@@ -62,16 +62,14 @@ class Unrolled(Reparameterisation):
     """u = x, v = y: the image is the near surface unrolled."""
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         return ImagePoints(x, y, np.ones(len(x), bool))
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; the whole image shows something."""
+        """The (u, v) of image positions; the whole image shows something."""
         one, zero = np.ones_like(x), np.zeros_like(x)
         return ImageMap(x, y, np.array([[one, zero], [zero, one]]), np.ones(len(x), bool))
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Reparameterisation.image_positions."""
         return u, v
 
 
@@ -84,7 +82,6 @@ class Polar(Reparameterisation):
     """
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map."""
         scale_x, scale_y = 2 * max(aspect, 1.0), 2 * max(1 / aspect, 1.0)
         a, b = (x - 0.5) * scale_x, (y - 0.5) * scale_y
         r = np.hypot(a, b)
@@ -102,7 +99,6 @@ class Polar(Reparameterisation):
         return ImageMap(turn % 1.0, r, jacobian, r <= 1.0)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Reparameterisation.image_positions."""
         angle = 2 * np.pi * u
         scale_x, scale_y = 2 * max(aspect, 1.0), 2 * max(1 / aspect, 1.0)
         return 0.5 + v * np.cos(angle) / scale_x, 0.5 + v * np.sin(angle) / scale_y
@@ -119,7 +115,7 @@ class Framed(Reparameterisation):
     size: tuple[float, float] = (1.0, 1.0)
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; the whole image leads somewhere."""
+        """The places in the rectangle; the whole image leads somewhere."""
         across, up, zero = (
             np.full_like(x, 1 / self.size[0]),
             np.full_like(y, 1 / self.size[1]),
@@ -129,12 +125,10 @@ class Framed(Reparameterisation):
         return ImageMap(image.u, image.v, np.array([[across, zero], [zero, up]]), image.mask)
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
-        """See Reparameterisation.points."""
         u, v = ((p - c) / s + 0.5 for p, c, s in zip((x, y), self.centre, self.size, strict=True))
         return ImagePoints(u, v, np.ones(len(x), bool))
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Reparameterisation.image_positions."""
         (x, y), (width, height) = self.centre, self.size
         return x + (u - 0.5) * width, y + (v - 0.5) * height
 

@@ -242,7 +242,7 @@ class ImageLayer:
         return share
 
     def shown_at(self, x: Array, y: Array) -> BoolArray:
-        """Whether the mask shows the layer at image positions (n,) in [0, 1], (n,)."""
+        """Return whether the mask shows the layer at image positions (n,) in [0, 1], (n,)."""
         if self.mask is None:
             return np.ones(len(x), bool)
         height, width = self.mask.shape

@@ -81,7 +81,7 @@ def switch_on(context, camera):
 
 @contextmanager
 def switched_on(context, camera) -> Iterator:
-    """As ``switch_on``, with a block that gets the source; after any error in it, too, all is as before."""
+    """Make the preview for a block that gets its source; after any error in it all is as before."""
     scene, view_layer = context.scene, context.view_layer
     with all_or_nothing() as kept:
         kept.keep_keys(camera)
@@ -162,7 +162,7 @@ def _forget(uid: int) -> None:
 
 
 def _camera_signature(camera, scene) -> tuple:
-    """All that the table and the node groups depend on, and nodes cannot follow."""
+    """The settings on which the table and the node groups depend, and which nodes cannot follow."""
     settings = camera.scfpf
     surfaces = (_surface_signature(slot, settings.basis in WEIGHTED) for slot in settings.surfaces)
     # Nodes follow the ranges. The table's size depends on whether they are whole.

@@ -34,7 +34,7 @@ FULL_TURN = 1e-5
 
 
 def image_signature(camera, scene) -> tuple:
-    """All that the mesh of a camera's table depends on; empty without image mappings."""
+    """The settings on which the mesh of a camera's table depends; empty without image mappings."""
     mappings = mapping_signature(camera, _depsgraph(scene))
     if not mappings:
         return ()

@@ -62,7 +62,7 @@ class _ShadedPoints(NamedTuple):
 
 @dataclass(frozen=True)
 class Lighting:
-    """Everything that lights a frame.
+    """The lights of a frame: all that lights it.
 
     lamps: in cast space, those of the sky included. cast_scene: casts the shadows of lamps without occluders
     of their own. sky: None under a uniform environment, which the coefficients of materials include.

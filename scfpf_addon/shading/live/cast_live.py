@@ -189,7 +189,6 @@ class _Noted(Projection):
     noted: list[Projectors] = field(default_factory=list)
 
     def projectors(self, x: Array, y: Array) -> Projectors:
-        """See ``Projection``."""
         found = super().projectors(x, y)
         self.noted.append(found)
         return found
@@ -215,7 +214,7 @@ def _seen(
 def _seen_in_layers(
     parts: LayerParts, projection: Projection, view: LiveProjection, window: LiveWindow, rows: slice
 ) -> tuple[Hits, ViewAxes]:
-    """As ``_seen``, of the things in front of all that the projection and its layers see."""
+    """The hits in front of all that the projection and its layers see, and the axes of their projectors."""
     hits, axes = _seen(parts.rest, projection, view.is_mirrored, window, rows)
     layered = LayeredCast(
         parts=parts, projection=projection, pixel_size=window.pixel_size, pixel_error=PIXEL_ERROR

@@ -44,7 +44,7 @@ class LiveTables(NamedTuple):
         return cls(geometry.corner_normals, geometry.material, geometry.object_index, uv, color)
 
     def joined(self, others: LiveTables, planes: Array) -> LiveTables:
-        """These and others after them. planes: of all triangles, whose normals flat ones get."""
+        """Join tables, with others after these. planes: of all triangles, whose normals flat ones get."""
         counts = len(self.look), len(others.look)
         normals = None
         if self.normals is not None or others.normals is not None:

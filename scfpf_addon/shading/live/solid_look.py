@@ -67,7 +67,7 @@ class SurfaceLooks:
 
 @dataclass(frozen=True)
 class SolidLook:
-    """Everything that decides the colours of a live image.
+    """The settings that decide the colours of a live image.
 
     light: None for flat colours. highlights: whether lights are reflected. lines: those of Drawn Style, their
     widths in pixels of the screen. camera_axes: (3, 3), the camera's

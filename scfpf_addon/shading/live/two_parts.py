@@ -73,7 +73,6 @@ class TwoOccupancies(Occupancy):
         return super().holds(lower, upper) | self.other.holds(lower, upper)
 
     def holds_finely(self, lower: Array, upper: Array) -> BoolArray:
-        """As ``holds``, by the fine cells."""
         return super().holds_finely(lower, upper) | self.other.holds_finely(lower, upper)
 
 
@@ -127,7 +126,6 @@ class TwoPartScene(CastScene):
         self._weights = SharedWeights(usable)
 
     def only(self, kept: BoolArray | None) -> CastScene | None:
-        """See ``CastScene``."""
         if kept is None or kept[self.usable].all():
             return self
         if not kept[self.usable].any():
@@ -137,11 +135,10 @@ class TwoPartScene(CastScene):
         return TwoPartScene(self._still.only(kept[:count]), moving)
 
     def enclosed(self, kept: BoolArray, lower: Array, upper: Array) -> CastScene | None:
-        """See ``CastScene``; triangles come whole."""
+        """Return a scene of the ``kept`` triangles that may meet a box; they come whole."""
         return self.only(kept & self.within(lower, upper))
 
     def points_of(self, which: BoolArray) -> Array:
-        """See ``CastScene``."""
         count = len(self._still.usable)
         points = self._parts_of_it[0].points_of(which[:count])
         if self._moving is None:
@@ -149,7 +146,6 @@ class TwoPartScene(CastScene):
         return np.concatenate([points, self._moving.points_of(which[count:])], axis=1)
 
     def within(self, lower: Array, upper: Array) -> BoolArray:
-        """See ``CastScene``."""
         return np.concatenate([part.within(lower, upper) for part in self._parts_of_it])
 
     def _make_weights(self, usable: BoolArray) -> Array:
@@ -158,7 +154,6 @@ class TwoPartScene(CastScene):
 
     @property
     def neighbours(self) -> NDArray[np.int32]:
-        """See ``CastTriangles``."""
         with self._tables_lock:
             if self._neighbours is None:
                 found = [part.neighbours for part in self._parts_of_it]
@@ -169,7 +164,6 @@ class TwoPartScene(CastScene):
 
     @property
     def occupancy(self) -> Occupancy:
-        """See ``CastScene``."""
         with self._lock:
             if self._occupancy is None:
                 self._occupancy = self._parts_of_it[0].occupancy

@@ -20,7 +20,7 @@ ALONG = 1e-5
 
 
 class ViewAxes(NamedTuple):
-    """See ``LiveHits``: forward, right and up (3, N), and whether the image is mirrored there (N,)."""
+    """The axes of N projectors: forward, right, up (3, N), and whether the image is mirrored (N,)."""
 
     forward: Single
     right: Single

@@ -42,7 +42,7 @@ class Materials:
         return cls(**rows)
 
     def followed_by(self, others: Materials) -> Materials:
-        """These constants and then others, which are all given."""
+        """Join constants, with others, which are all given, after these."""
         ones = np.ones(len(self.metallic))
         own = {name: ones if getattr(self, name) is None else getattr(self, name) for name in CONSTANTS}
         return Materials.of_rows(

@@ -105,7 +105,7 @@ class PassSource:
         return position
 
     def depth(self, samples: PassSamples) -> Array:
-        """See ``DataPasses.depth_plane``, (1, n)."""
+        """The distance along the camera's axis or along the projector, see ``DataPasses``, (1, n)."""
         plane = self.wanted.depth_plane
         if plane is not None:
             # Not a matrix product, whose rounding may depend on how many there are.
@@ -139,7 +139,7 @@ class PassSource:
         return np.stack([image.u, image.v, samples.hits.t])
 
     def perspective_depth(self, samples: PassSamples) -> Array:
-        """See ``perspective_depth``, (1, n)."""
+        """The depth of linear perspective, 0 to 1 from the near to the far surface, (1, n)."""
         image = self.projection.parameters(samples.x, samples.y)
         return perspective_depth(self.projection.volume, image.u, image.v, samples.hits.t)[None]
 

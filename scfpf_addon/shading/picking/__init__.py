@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From an image position to the scene and back."""
+"""Ways from an image position to the scene and back."""

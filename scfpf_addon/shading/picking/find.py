@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From an object to its place in the image: the inverse of ``pick``."""
+"""The place of an object in the image: the inverse of ``pick``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From an image position to the object that it shows."""
+"""The object that an image position shows."""
 
 from __future__ import annotations
 

@@ -116,7 +116,6 @@ class ThroughLens(Projection):
         return made._replace(points=self.lens.moved(made.points, self.share))
 
     def subset(self, which: IndexArray) -> Projection:
-        """See ``Projection``."""
         return replace(self, share=None if self.share is None else self.share.take(which, 1))
 
 

@@ -90,7 +90,7 @@ class StylisedShading(Shading):
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
-        """As ``Shading.color``. parts: of the image as rendered without style."""
+        """The colours of hits, filled as the style says. parts: of the image as rendered without style."""
         if self.style.fill == "RENDERED":
             return super().color(hits, where, samples, continuation, parts)
         if parts:
@@ -108,7 +108,7 @@ class StylisedShading(Shading):
     def _filled(
         self, hits: Hits, where: IndexArray, samples: PointSamples, continuation: Continuation
     ) -> Single:
-        """As ``color``, but shadow catchers, which have no fill, are filled like other surfaces."""
+        """The fill of hits: shadow catchers, which have none in the image, are filled like other surfaces."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
             paper[:3] = self.style.paper.astype(np.float32)[:, None]

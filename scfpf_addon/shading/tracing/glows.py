@@ -129,7 +129,7 @@ class Glows(NamedTuple):
         )
 
     def aims(self, position: Array, lobe: RoughLobe, samples: int) -> Aims | None:
-        """How rays of lobes at positions (3, n) are aimed, None where no ray is. samples: of a pixel."""
+        """The aims of rays of lobes at positions (3, n), None if no ray is aimed. samples: of a pixel."""
         count = position.shape[1]
         way = self.centre[:, :, None] - position[:, None]
         distance = np.sqrt(np.einsum("ckn,ckn->kn", way, way))
@@ -158,7 +158,7 @@ class _Sphere(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """What the light on a far place is in proportion to."""
+        """The number to which the light on a far place is in proportion."""
         return self.radiance * self.radius**2
 
 

@@ -113,7 +113,7 @@ class SceneView:
         )
 
     def _weighted(self, weighted: bool) -> bool:
-        """Whether barycentric weights are needed, if only because triangles are not flat."""
+        """Return whether barycentric weights are needed, if only because triangles are not flat."""
         return weighted or self.shading is None or self.shading.surface.weighted
 
     def cast_with_continuation(
@@ -126,7 +126,7 @@ class SceneView:
     def cast_samples(
         self, samples: Sequence[tuple[SceneView, Array, Array]], counts: CastCounts
     ) -> list[tuple[Hits, Continuation | None]]:
-        """As ``cast_with_continuation``, of several samples of the pixels of whole rows.
+        """The hits and continuations of several samples of the pixels of whole rows.
 
         samples: of each, this view through its lens, and its image positions (n,).
         """
