@@ -31,7 +31,7 @@ GROUPS = (
         "A blend",
         (
             *(("settings/camera_properties", f"SCFPF_Blend{name}") for name in ("Ends", "Further")),
-            ("settings/blend_properties", "SCFPF_BlendField"),
+            ("settings/blend_properties", "SCFPF_BlendMap"),
         ),
     ),
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),

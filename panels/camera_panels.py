@@ -11,7 +11,7 @@ from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, kno
 from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
-from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
+from ..scfpf_addon.bridge.settings.blend_properties import MAP_KINDS
 from ..scfpf_addon.bridge.sync.camera_sync import sharers
 from ..scfpf_addon.projection.user_error import UserError
 from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
@@ -117,22 +117,22 @@ def draw_further(column, settings) -> None:
 
 def draw_blend_map(column, end, has_weight: bool) -> None:
     """Draw where in the image a camera of a blend counts. has_weight: whether to draw its weight, too."""
-    field = end.settings
-    title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
+    blend_map = end.settings
+    title = next(name for kind, name, _text in MAP_KINDS if kind == blend_map.kind)
     menu = column.operator_menu_enum(
         "scfpf.blend_map", "kind", text=label_text("Map: {0}", title), icon="IMAGE_ALPHA"
     )
     menu.number = end.number
-    if field.kind == "IMAGE":
-        column.template_ID(field, "image", new="image.new", open="image.open")
-    for name in MAP_SETTINGS[field.kind]:
-        column.prop(field, name)
-    if field.kind in ("RADIAL", "RECTANGLE"):
+    if blend_map.kind == "IMAGE":
+        column.template_ID(blend_map, "image", new="image.new", open="image.open")
+    for name in MAP_SETTINGS[blend_map.kind]:
+        column.prop(blend_map, name)
+    if blend_map.kind in ("RADIAL", "RECTANGLE"):
         column.operator("scfpf.blend_map_around", icon="PIVOT_BOUNDBOX").number = end.number
-    if field.kind != "NONE":
-        column.prop(field, "is_inverted")
+    if blend_map.kind != "NONE":
+        column.prop(blend_map, "is_inverted")
     if has_weight:
-        column.prop(field, "weight")
+        column.prop(blend_map, "weight")
 
 
 def draw_pick(layout, settings) -> None:

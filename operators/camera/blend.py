@@ -15,7 +15,7 @@ from ...scfpf_addon.bridge.blends.blend_ends import (
     is_map_animated,
     knows_its_ends,
     least_faces,
-    read_field,
+    read_map,
     seams_of,
 )
 from ...scfpf_addon.bridge.blends.camera_blend import is_baked, new_blend_camera, set_blend
@@ -218,7 +218,7 @@ class SCFPF_OT_blend_camera_remove(Tool, bpy.types.Operator):
 def updated(context, camera) -> str:
     """Make a blend anew from its ends. Returns what there is to say; raises USER_ERRORS."""
     for end in ends_of(camera):
-        _require_field(end)
+        _require_map(end)
     ends = camera.scfpf.blend_ends
     first = flexible_end(context, camera, ends.first)
     further = [flexible_end(context, camera, end.camera) for end in camera.scfpf.blend_more]
@@ -242,10 +242,10 @@ def updated(context, camera) -> str:
     )
 
 
-def _require_field(end) -> None:
+def _require_map(end) -> None:
     """Raise UserError if an end's map has nothing to be read from."""
     settings = end.settings
-    if settings.kind == "NONE" or read_field(end) is not None:
+    if settings.kind == "NONE" or read_map(end) is not None:
         return
     if settings.kind == "VIEWS":
         if end.camera is None:

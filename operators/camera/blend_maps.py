@@ -10,7 +10,7 @@ from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blends.blend_bake import bake_map
 from ...scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ...scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
+from ...scfpf_addon.bridge.settings.blend_properties import MAP_KINDS
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ..common.target import flexible_camera_of
@@ -32,7 +32,7 @@ def end_number():
     )
 
 
-def _field_of(camera, number: int):
+def _map_of(camera, number: int):
     """The settings of the map of a blend's camera. Raises UserError."""
     for end in ends_of(camera):
         if end.number == number:
@@ -47,18 +47,18 @@ class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
     bl_label = "Blend Map"
 
     kind: EnumProperty(
-        name="Blend Map", description="Where in the picture the camera counts", items=FIELD_KINDS
+        name="Blend Map", description="Where in the picture the camera counts", items=MAP_KINDS
     )
     number: end_number()
 
     poll = SCFPF_OT_blend_update.poll
 
     def edit(self, context, camera):
-        settings, field = camera.scfpf, _field_of(camera, self.number)
+        settings, blend_map = camera.scfpf, _map_of(camera, self.number)
         with volume_kept(camera):
-            if field.kind == "NONE" and settings.blend_factor == 0.0:
+            if blend_map.kind == "NONE" and settings.blend_factor == 0.0:
                 settings.blend_factor = 1.0  # else the map would show nothing
-            field.kind = self.kind
+            blend_map.kind = self.kind
             return updated(context, camera)
 
 
@@ -106,22 +106,22 @@ class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
         return True
 
     def edit(self, context, camera):
-        uid, _ = camera.session_uid, _field_of(camera, self.number)
+        uid, _ = camera.session_uid, _map_of(camera, self.number)
         first = flexible_end(context, camera, camera.scfpf.blend_ends.first)
         name = first.name
         left, low, right, high = _seen_box(context, first)
         camera = object_by_uid(uid)
-        field = _field_of(camera, self.number)
+        blend_map = _map_of(camera, self.number)
         with volume_kept(camera):
-            if field.kind not in ("RADIAL", "RECTANGLE"):
-                field.kind = "RADIAL"
-            field.center, field.angle = ((left + right) / 2, (low + high) / 2), 0.0
-            aspect, border = image_aspect(context.scene), field.border
+            if blend_map.kind not in ("RADIAL", "RECTANGLE"):
+                blend_map.kind = "RADIAL"
+            blend_map.center, blend_map.angle = ((left + right) / 2, (low + high) / 2), 0.0
+            aspect, border = image_aspect(context.scene), blend_map.border
             # Half of the border is inside.
-            if field.kind == "RECTANGLE":
-                field.size = right - left + border, high - low + border * aspect
+            if blend_map.kind == "RECTANGLE":
+                blend_map.size = right - left + border, high - low + border * aspect
             else:
-                field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
+                blend_map.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
             updated(context, camera)
             return report_text("The map is around the selection as '{0}' sees it", name)
 

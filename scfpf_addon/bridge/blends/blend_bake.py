@@ -19,15 +19,15 @@ from .camera_blend import (
     drive,
     end_weights,
     mixed,
-    read_fields,
-    write_field,
+    read_maps,
+    write_map,
 )
 
-# The largest error of a factor between two kept frames.
+# The largest error of a weight between two kept frames.
 TOLERANCE = 1 / 256
 # The most frames that are looked at: their shapes are kept in the file.
 MOST_FRAMES = 2000
-NO_FIELD = "The map of '{0}' cannot be read in frame {1}: choose a map or load its image"
+NO_MAP = "The map of '{0}' cannot be read in frame {1}: choose a map or load its image"
 
 
 def bake_map(camera, scene, start: int, end: int) -> int:
@@ -37,26 +37,26 @@ def bake_map(camera, scene, start: int, end: int) -> int:
     """
     if not 0 < end - start <= MOST_FRAMES:
         raise UserError("Choose an end after the start, at most {0} frames later", MOST_FRAMES)
-    write_field(camera)
+    write_map(camera)
     surfaces, now = blend_surfaces(camera), scene.frame_current
     if not surfaces:
         raise UserError("'{0}' has no surfaces of a blend: press Update Blend", camera.name)
     frames = list(range(start, end + 1))
-    factors: list[list[Array]] = [[] for _ in surfaces]
+    weights: list[list[Array]] = [[] for _ in surfaces]
     try:
         for frame in frames:
             scene.frame_set(frame)
-            fields = read_fields(camera)
-            is_known = all(field is not None or end.settings.kind == "NONE" for end, field in fields)
-            for own, surface in zip(factors, surfaces, strict=True):
-                found = end_weights(camera, surface, fields) if is_known else None
+            maps = read_maps(camera)
+            is_known = all(blend_map is not None or end.settings.kind == "NONE" for end, blend_map in maps)
+            for own, surface in zip(weights, surfaces, strict=True):
+                found = end_weights(camera, surface, maps) if is_known else None
                 if found is None:
-                    raise UserError(NO_FIELD, camera.name, frame)
+                    raise UserError(NO_MAP, camera.name, frame)
                 own.append(found)
     finally:
         scene.frame_set(now)
-    kept = kept_frames(np.array(factors[0]).reshape(len(frames), -1))
-    for own, surface in zip(factors, surfaces, strict=True):
+    kept = kept_frames(np.array(weights[0]).reshape(len(frames), -1))
+    for own, surface in zip(weights, surfaces, strict=True):
         _add_shapes(camera, surface, [frames[k] for k in kept], [own[k] for k in kept])
     return len(kept)
 
@@ -77,9 +77,9 @@ def kept_frames(values: Array) -> list[int]:
     return kept
 
 
-def _add_shapes(camera, surface, frames: Sequence[int], factors: Sequence[Array]) -> None:
+def _add_shapes(camera, surface, frames: Sequence[int], weights: Sequence[Array]) -> None:
     blocks = surface.data.shape_keys.key_blocks
-    for k, (frame, own) in enumerate(zip(frames, factors, strict=True)):
+    for k, (frame, own) in enumerate(zip(frames, weights, strict=True)):
         key = surface.shape_key_add(name=f"{BAKED} {frame}", from_mix=False)
         points = mixed(surface, own)
         key.data.foreach_set("co", np.ascontiguousarray(points, np.float32).ravel())

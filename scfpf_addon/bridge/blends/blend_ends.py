@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...projection.editing.blend_fields import BlendField
+from ...projection.editing.blend_map import BlendMap
 from ...projection.editing.blending import SHARP_FACES, SMOOTH_FACES
 from ..blender.image_masks import mask_pixels
 from ..blender.slot_animation import curve_collections
@@ -41,8 +41,8 @@ def knows_its_ends(camera) -> bool:
     return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
 
-def read_field(end: BlendEnd, with_pixels: bool = True) -> BlendField | None:
-    """The field of an end; None without a map, for an image without pixels and a camera without views.
+def read_map(end: BlendEnd, with_pixels: bool = True) -> BlendMap | None:
+    """The map of an end; None without a map, for an image without pixels and a camera without views.
 
     with_pixels: whether to read those of an image, which takes long in drawing.
     """
@@ -56,7 +56,7 @@ def read_field(end: BlendEnd, with_pixels: bool = True) -> BlendField | None:
         circles = view_circles(end.camera)
     if (settings.kind == "IMAGE" and pixels is None) or (settings.kind == "VIEWS" and not circles):
         return None
-    return BlendField(
+    return BlendMap(
         kind=settings.kind,
         centre=tuple(settings.center),
         size=tuple(settings.size),
@@ -93,29 +93,29 @@ def _has_curves(camera, paths: str | tuple[str, ...]) -> bool:
     return any(curve.data_path.startswith(paths) for curves in curve_collections(camera) for curve in curves)
 
 
-def own_seams(camera, with_pixels: bool = True) -> list[tuple[BlendEnd, BlendField]]:
-    """The ends of a blend camera whose fields have no border, with these fields, as ``read_field`` does."""
+def own_seams(camera, with_pixels: bool = True) -> list[tuple[BlendEnd, BlendMap]]:
+    """The ends of a blend camera whose maps have no border, with these maps, as ``read_map`` does."""
     if is_map_animated(camera):
         return []
-    fields = [(end, read_field(end, with_pixels)) for end in ends_of(camera)]
-    return [(end, field) for end, field in fields if field is not None and field.has_seam]
+    maps = [(end, read_map(end, with_pixels)) for end in ends_of(camera)]
+    return [(end, blend_map) for end, blend_map in maps if blend_map is not None and blend_map.has_seam]
 
 
-def seams_of(camera) -> list[BlendField]:
-    """The fields without a border of a blend camera and of the blends at its ends, the camera's own first."""
+def seams_of(camera) -> list[BlendMap]:
+    """The maps without a border of a blend camera and of the blends at its ends, the camera's own first."""
     found, seen, left = [], [], [camera]
     while left:
         own = left.pop(0)
         if own is None or own in seen:
             continue
         seen.append(own)
-        found += [field for _end, field in own_seams(own)]
+        found += [blend_map for _end, blend_map in own_seams(own)]
         left += [own.scfpf.blend_ends.first, *(end.camera for end in ends_of(own))]
     return found
 
 
 def least_faces(camera) -> int:
-    """The least number of faces along each axis of a blend camera's grids, for its fields."""
+    """The least number of faces along each axis of a blend camera's grids, for its maps."""
     is_animated = is_map_animated(camera)
     return max(_faces(end.settings, is_animated) for end in ends_of(camera))
 

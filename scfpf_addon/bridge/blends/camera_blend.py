@@ -2,8 +2,8 @@
 """A camera between others: its surfaces are grids of two shapes, mixed by one animatable factor.
 
 The shapes are shape keys that drivers mix: files need no Python to play the animation. The first shape is
-that of the first camera. With fields of factors over the image the second shape is the mean of the cameras by
-their weights. Further shapes, which nothing mixes, then keep each of the other cameras whole. A field without
+that of the first camera. With maps over the image the second shape is the mean of the cameras by
+their weights. Further shapes, which nothing mixes, then keep each of the other cameras whole. A map without
 a border has a seam: the surfaces are then UV meshes that are cut along it.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ...projection.editing.blend_fields import BlendField, normalised
+from ...projection.editing.blend_map import BlendMap, normalised
 from ...projection.editing.blending import Blend
 from ...projection.editing.seam_mesh import SeamMesh
 from ...projection.editing.volume_edits import lattice
@@ -27,7 +27,7 @@ from ...projection.user_error import Message
 from ...projection.volume.reparameterisation import Polar
 from ..blender.scene_objects import link_beside
 from ..camera.flexible_camera import NewSurface, replace_surfaces
-from .blend_ends import BlendEnd, ends_of, is_map_animated, least_faces, own_seams, read_field
+from .blend_ends import BlendEnd, ends_of, is_map_animated, least_faces, own_seams, read_map
 
 # Range of the factor: 0 is the first camera, 1 the second one.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
@@ -35,8 +35,8 @@ FIRST_KEY, SECOND_KEY = "First Camera", "Second Camera"
 WHOLE_KEY = "Second Camera, Everywhere"
 # Of the shape that keeps a further camera: number and all.
 FURTHER_KEY = re.compile(r"Camera \d+, Everywhere")
-# The attribute of vertices within the field along whose border a mesh is cut, and the custom property with
-# that field's numbers; of further cameras their number follows.
+# The attribute of vertices within the map along whose border a mesh is cut, and the custom property with
+# that map's numbers; of further cameras their number follows.
 WITHIN, SEAM = "SCFPF Within", "scfpf_seam"
 # The first words of the shapes that Bake Map makes.
 BAKED = "Baked Map"
@@ -89,7 +89,7 @@ def set_blend(camera, blend: Blend, aspect: float) -> None:
     camera.scfpf.fitted_aspect = aspect
     if blend.mesh is not None:
         _note_seams(camera, blend.mesh)
-    write_field(camera)
+    write_map(camera)
 
 
 def is_baked(camera) -> bool:
@@ -122,28 +122,28 @@ def blend_surfaces(camera) -> list:
 
 
 def is_too_coarse(camera) -> bool:
-    """Return whether a blend camera's surfaces do not fit its fields: Update Blend makes others."""
+    """Return whether a blend camera's surfaces do not fit its maps: Update Blend makes others."""
     meshes = [
         slot.object.data
         for slot in camera.scfpf.surfaces
         if slot.object is not None and slot.object.type == "MESH"
     ]
     seams = [] if camera.scfpf.reparameterisation == "POLAR" else own_seams(camera, with_pixels=False)
-    if any(not _is_cut(mesh, end, field, camera) for mesh in meshes for end, field in seams):
+    if any(not _is_cut(mesh, end, blend_map, camera) for mesh in meshes for end, blend_map in seams):
         return True
     wanted = least_faces(camera)
     return any(wanted > 1 and len(mesh.vertices) < (wanted + 1) ** 2 for mesh in meshes)
 
 
-def write_field(camera) -> None:
+def write_map(camera) -> None:
     """Write the second shape of a blend camera's surfaces: the mean of its cameras by their weights.
 
     Surfaces that are not the blend's own, or have lost their order of rows, stay as they are. Baked shapes,
     which hold earlier maps, are removed.
     """
-    fields = read_fields(camera)
-    (second, field), *further = fields
-    is_whole = field is None and not further and second.settings.weight == 1.0
+    maps = read_maps(camera)
+    (second, blend_map), *further = maps
+    is_whole = blend_map is None and not further and second.settings.weight == 1.0
     is_whole = is_whole and not is_map_animated(camera)
     for surface in blend_surfaces(camera):
         keys = surface.data.shape_keys.key_blocks
@@ -153,7 +153,7 @@ def write_field(camera) -> None:
                 continue
             points = points_of(keys[WHOLE_KEY])
         else:
-            weights = end_weights(camera, surface, fields)
+            weights = end_weights(camera, surface, maps)
             if weights is None:
                 continue
             if WHOLE_KEY not in keys:
@@ -163,15 +163,15 @@ def write_field(camera) -> None:
         surface.data.update()
 
 
-def read_fields(camera) -> list[tuple[BlendEnd, BlendField | None]]:
-    """The ends of a blend camera other than the first one, with their fields."""
-    return [(end, read_field(end)) for end in ends_of(camera)]
+def read_maps(camera) -> list[tuple[BlendEnd, BlendMap | None]]:
+    """The ends of a blend camera other than the first one, with their maps."""
+    return [(end, read_map(end)) for end in ends_of(camera)]
 
 
-def end_weights(camera, surface, fields: Sequence[tuple[BlendEnd, BlendField | None]]) -> Array | None:
+def end_weights(camera, surface, maps: Sequence[tuple[BlendEnd, BlendMap | None]]) -> Array | None:
     """The weights (K, N) of a blend's K ends other than the first one at the N vertices of a surface.
 
-    The first camera has the rest. fields: see ``read_fields``. Ends that are newer than the surface are
+    The first camera has the rest. maps: see ``read_maps``. Ends that are newer than the surface are
     left out. Returns None for a grid out of order.
     """
     places = _places(camera, surface)
@@ -179,8 +179,8 @@ def end_weights(camera, surface, fields: Sequence[tuple[BlendEnd, BlendField | N
         return None
     keys = surface.data.shape_keys.key_blocks
     weights = [
-        end.settings.weight * _factors(camera, surface, end, field, places)
-        for end, field in fields
+        end.settings.weight * _map_values(camera, surface, end, blend_map, places)
+        for end, blend_map in maps
         if end.number == 2 or further_key(end.number) in keys
     ]
     return normalised(np.stack(weights))
@@ -210,17 +210,17 @@ def _keep_whole(surface, name: str, points: Array) -> None:
     whole.data.foreach_set("co", points.ravel())
 
 
-def _factors(camera, surface, end: BlendEnd, field: BlendField | None, places: Array) -> Array:
-    """The factors (N,) of an end's field at the vertices of a surface."""
-    if field is None:
+def _map_values(camera, surface, end: BlendEnd, blend_map: BlendMap | None, places: Array) -> Array:
+    """The values (N,) of an end's map at the vertices of a surface."""
+    if blend_map is None:
         return np.ones(len(places))
-    if surface.scfpf_surface.kind == "UV_MESH" and field.has_seam:
+    if surface.scfpf_surface.kind == "UV_MESH" and blend_map.has_seam:
         mesh = surface.data
-        if _is_cut(mesh, end, field, camera):
+        if _is_cut(mesh, end, blend_map, camera):
             within = np.empty(len(mesh.vertices), bool)
             mesh.attributes[_numbered(WITHIN, end)].data.foreach_get("value", within)
-            return np.where(within != field.is_inverted, 1.0, 0.0)
-    return field.factors(*places.T, camera.scfpf.fitted_aspect or 1.0)
+            return np.where(within != blend_map.is_inverted, 1.0, 0.0)
+    return blend_map.values(*places.T, camera.scfpf.fitted_aspect or 1.0)
 
 
 def _places(camera, surface) -> Array | None:
@@ -248,27 +248,27 @@ def _chart(mesh: SeamMesh) -> UVChart:
     return UVChart(mesh.places[mesh.triangles], mesh.triangles)
 
 
-def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
-    """The settings that place a field's seam; of a painted one Update Blend alone follows the image."""
-    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS", "IMAGE").index(field.kind)
-    if field.kind == "IMAGE":
+def _seam_numbers(blend_map: BlendMap, aspect: float) -> list[float]:
+    """The settings that place a map's seam; of a painted one Update Blend alone follows the image."""
+    kind = ("LINEAR", "RADIAL", "RECTANGLE", "VIEWS", "IMAGE").index(blend_map.kind)
+    if blend_map.kind == "IMAGE":
         return [float(kind), aspect]
-    if field.kind == "VIEWS":
-        return [float(kind), aspect, *(value for circle in field.circles for value in circle)]
-    return [float(kind), aspect, *field.centre, *field.size, field.angle]
+    if blend_map.kind == "VIEWS":
+        return [float(kind), aspect, *(value for circle in blend_map.circles for value in circle)]
+    return [float(kind), aspect, *blend_map.centre, *blend_map.size, blend_map.angle]
 
 
 def _numbered(name: str, end: BlendEnd) -> str:
-    """The name of an attribute or a custom property for an end's field."""
+    """The name of an attribute or a custom property for an end's map."""
     return name if end.number == 2 else f"{name} {end.number}"
 
 
-def _is_cut(mesh, end: BlendEnd, field: BlendField, camera) -> bool:
-    """Return whether a mesh is cut along the seam of an end's field."""
+def _is_cut(mesh, end: BlendEnd, blend_map: BlendMap, camera) -> bool:
+    """Return whether a mesh is cut along the seam of an end's map."""
     numbers = mesh.get(_numbered(SEAM, end))
     if numbers is None or _numbered(WITHIN, end) not in mesh.attributes:
         return False
-    return list(numbers) == _seam_numbers(field, camera.scfpf.fitted_aspect or 1.0)
+    return list(numbers) == _seam_numbers(blend_map, camera.scfpf.fitted_aspect or 1.0)
 
 
 def has_cuts(camera) -> bool:
@@ -279,18 +279,18 @@ def has_cuts(camera) -> bool:
 
 
 def _note_seams(camera, mesh: SeamMesh) -> None:
-    """Write which vertices are within each of the camera's own fields that have a seam."""
+    """Write which vertices are within each of the camera's own maps that have a seam."""
     seams = own_seams(camera)
     for slot in camera.scfpf.surfaces:
         data = slot.object.data
         for name in [name for name in data.keys() if name.startswith(SEAM)]:
             del data[name]
         # A mesh has first the sides of the camera's own seams, then those of the blends at its ends.
-        for (end, field), sides in zip(seams, mesh.sides, strict=False):
+        for (end, blend_map), sides in zip(seams, mesh.sides, strict=False):
             name = _numbered(WITHIN, end)
             within = data.attributes.get(name) or data.attributes.new(name, "BOOLEAN", "POINT")
             within.data.foreach_set("value", np.ascontiguousarray(sides))
-            data[_numbered(SEAM, end)] = _seam_numbers(field, camera.scfpf.fitted_aspect)
+            data[_numbered(SEAM, end)] = _seam_numbers(blend_map, camera.scfpf.fitted_aspect)
 
 
 def _drop_baked(surface) -> None:
@@ -356,7 +356,7 @@ def _has_room(camera, blend: Blend) -> bool:
 def _write_shapes(camera, blend: Blend) -> None:
     """Write the shapes of each surface of a camera with room for them; keys, drivers and objects stay.
 
-    Call ``write_field`` afterwards.
+    Call ``write_map`` afterwards.
     """
     for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
         surface = slot.object

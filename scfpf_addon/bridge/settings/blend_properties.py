@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import bpy
 
-from ..blends.camera_blend import write_field
+from ..blends.camera_blend import write_map
 from .property_options import OVERRIDABLE, choice, number, pointer, switch, vector
 
-FIELD_KINDS = (
+MAP_KINDS = (
     ("NONE", "Whole Picture", "The camera counts everywhere"),
     ("LINEAR", "Gradient", "The camera counts on one side of a line"),
     ("RADIAL", "Circle", "The camera counts in a circle"),
@@ -21,8 +21,8 @@ FIELD_KINDS = (
 )
 
 
-def _changed(field, _context) -> None:
-    write_field(field.id_data)
+def _changed(blend_map, _context) -> None:
+    write_map(blend_map.id_data)
 
 
 # Keyframes of these would change nothing: the surfaces hold the map.
@@ -31,10 +31,10 @@ _STATIC = {"options": set(), "override": OVERRIDABLE, "update": _changed}
 _BAKED = _STATIC | {"options": {"ANIMATABLE"}}
 
 
-class SCFPF_BlendField(bpy.types.PropertyGroup):
+class SCFPF_BlendMap(bpy.types.PropertyGroup):
     """A blend map: where in the image one camera of a blend counts."""
 
-    kind: choice("Blend Map", "Where in the picture the camera counts", FIELD_KINDS, "NONE", **_STATIC)
+    kind: choice("Blend Map", "Where in the picture the camera counts", MAP_KINDS, "NONE", **_STATIC)
     center: vector(
         "Center",
         "Place of the map's middle, as shares of the picture's width and height from its lower left",
@@ -106,7 +106,7 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (SCFPF_BlendField,)
+CLASSES = (SCFPF_BlendMap,)
 
 
 def register():

@@ -23,7 +23,7 @@ from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .aim_properties import SCFPF_Aim, SCFPF_AimTarget
-from .blend_properties import SCFPF_BlendField
+from .blend_properties import SCFPF_BlendMap
 from .layer_properties import SCFPF_ImageLayer
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import (
@@ -221,7 +221,7 @@ class SCFPF_BlendFurther(bpy.types.PropertyGroup):
         bpy.types.Object,
         poll=_may_be_end,
     )
-    field: pointer("Map", "Where in the picture the further camera counts", SCFPF_BlendField)
+    field: pointer("Map", "Where in the picture the further camera counts", SCFPF_BlendMap)
 
 
 class _Display:
@@ -385,7 +385,7 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     )
     blend_ends: pointer("Blend Ends", "The two ends of a blend", SCFPF_BlendEnds)
     blend_field: pointer(
-        "Blend Map", "Where in the picture the second camera of a blend counts", SCFPF_BlendField
+        "Blend Map", "Where in the picture the second camera of a blend counts", SCFPF_BlendMap
     )
     blend_more: CollectionProperty(
         name="Further Cameras",

@@ -20,7 +20,7 @@ from ..typing import Array
 from ..volume.basis import BasisKind
 from ..volume.reparameterisation import Polar
 from ..volume.viewing_volume import Projection
-from .blend_fields import BlendField
+from .blend_map import BlendMap
 from .seam_mesh import PROBES, SeamMesh, seam_mesh
 from .volume_edits import lattice
 
@@ -29,7 +29,7 @@ FEWEST_PIECES, MOST_PIECES = 12, 36
 # Faces along an axis that are tried until a grid is within GRID_ERROR of the size of what it holds.
 FACES = (1, 8, 16, 32, 64, 128)
 GRID_ERROR = 2e-4
-# Faces of a grid that has to hold a field of factors with smooth borders, or with sharp ones.
+# Faces of a grid that has to hold a map with smooth borders, or with sharp ones.
 SMOOTH_FACES, SHARP_FACES = 64, FACES[-1]
 # A size that divides where all points coincide.
 SMALLEST_SIZE = 1e-300
@@ -57,13 +57,13 @@ class Blend:
 def blended(
     ends: Sequence[Projection],
     least_faces: int = 1,
-    seams: Sequence[BlendField] = (),
+    seams: Sequence[BlendMap] = (),
     aspect: float = 1.0,
 ) -> Blend:
     """Return projections as control surfaces of the same number and kind, in their own space.
 
     least_faces: of the grids along each axis, at most SHARP_FACES. Polar images without mappings give a polar
-    blend. seams: sharp fields, whose borders cut the image, of this aspect, unless the blend is polar.
+    blend. seams: sharp maps, whose borders cut the image, of this aspect, unless the blend is polar.
     Raises UserError where one image has holes.
     """
     polar = all(isinstance(p.reparameterisation, Polar) for p in ends)
@@ -88,7 +88,7 @@ def _with_seams(
     ends: Sequence[tuple[Projection, Array | None]],
     times: Array,
     least_faces: int,
-    seams: Sequence[BlendField],
+    seams: Sequence[BlendMap],
     aspect: float,
 ) -> Blend:
     """The blend of projections on triangles that are cut along seams. ends: each with its matrix."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles over an image, cut along the sharp borders of fields, with own vertices on either side."""
+"""Triangles over an image, cut along the sharp borders of maps, with own vertices on either side."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..typing import Array, BoolArray, IndexArray
-from .blend_fields import BlendField
+from .blend_map import BlendMap
 from .volume_edits import lattice
 
 # A vertex this near to a border, as a share of the image's width, lies on it: roundings of float64.
@@ -27,7 +27,7 @@ class SeamMesh:
     """Triangles over the image whose parts on either side of a border share no vertices.
 
     places: (V, 2) image positions. inner: (V, 2) the same, a little inside of the vertex's part. triangles:
-    (T, 3). sides: (F, V) whether each vertex's part is within each field.
+    (T, 3). sides: (F, V) whether each vertex's part is within each map.
     """
 
     places: Array
@@ -42,8 +42,8 @@ class SeamMesh:
         return probes
 
 
-def seam_mesh(fields: Sequence[BlendField], aspect: float, faces: int) -> SeamMesh:
-    """Cut a lattice of ``faces`` squares along each axis at the borders of fields.
+def seam_mesh(maps: Sequence[BlendMap], aspect: float, faces: int) -> SeamMesh:
+    """Cut a lattice of ``faces`` squares along each axis at the borders of maps.
 
     aspect: width over height of the image. Straight borders are exact, others are polygons that have a
     corner on each line of the lattice: what is finer than it may be lost.
@@ -55,27 +55,27 @@ def seam_mesh(fields: Sequence[BlendField], aspect: float, faces: int) -> SeamMe
     )
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     within: list[BoolArray] = []
-    for field in fields:
+    for blend_map in maps:
         inside = np.ones(len(triangles), bool)
-        for k in range(len(field.levels(places[:1, 0], places[:1, 1], aspect))):
-            places, triangles, parent, is_above = _cut(places, triangles, field, k, aspect)
+        for k in range(len(blend_map.levels(places[:1, 0], places[:1, 1], aspect))):
+            places, triangles, parent, is_above = _cut(places, triangles, blend_map, k, aspect)
             within, inside = [each[parent] for each in within], inside[parent] & is_above
         within.append(inside)
-    return _parted(places, triangles, np.reshape(within, (len(fields), len(triangles))))
+    return _parted(places, triangles, np.reshape(within, (len(maps), len(triangles))))
 
 
 def _cut(
-    places: Array, triangles: IndexArray, field: BlendField, k: int, aspect: float
+    places: Array, triangles: IndexArray, blend_map: BlendMap, k: int, aspect: float
 ) -> tuple[Array, IndexArray, IndexArray, BoolArray]:
-    """Cut triangles where level ``k`` of a field is 0.
+    """Cut triangles where level ``k`` of a map is 0.
 
     Returns places and triangles, and of each triangle which one it is a part of, and whether the level is
     positive in it.
     """
 
     def level(at: Array) -> Array:
-        """Level ``k`` of the field at places (N, 2)."""
-        value: Array = field.levels(at[:, 0], at[:, 1], aspect)[k]
+        """Level ``k`` of the map at places (N, 2)."""
+        value: Array = blend_map.levels(at[:, 0], at[:, 1], aspect)[k]
         return value
 
     value = level(places)
@@ -112,9 +112,9 @@ def _cut(
 
 
 def _parted(places: Array, triangles: IndexArray, sides: BoolArray) -> SeamMesh:
-    """Give each part of the image, the triangles within the same fields, vertices of its own.
+    """Give each part of the image, the triangles within the same maps, vertices of its own.
 
-    sides: (F, T), whether each triangle is within each field.
+    sides: (F, T), whether each triangle is within each map.
     """
     centres = places[triangles].mean(axis=1)
     _, part = np.unique(sides, axis=1, return_inverse=True)

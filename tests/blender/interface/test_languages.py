@@ -62,7 +62,7 @@ def test_german_has_every_panel_menu_operator_and_setting_of_a_camera(languages,
         for cls in kind.__subclasses__():
             if cls.__module__.startswith(MODULE) and getattr(cls, "bl_label", ""):
                 wanted.add((catalogue.ANY, cls.bl_label))
-    for group in ("SCFPF_SurfaceSettings", "SCFPF_BlendEnds", "SCFPF_BlendFurther", "SCFPF_BlendField"):
+    for group in ("SCFPF_SurfaceSettings", "SCFPF_BlendEnds", "SCFPF_BlendFurther", "SCFPF_BlendMap"):
         for prop in bpy.types.PropertyGroup.bl_rna_get_subclass_py(group).bl_rna.properties:
             if prop.identifier not in ("rna_type", "name"):
                 wanted |= {(catalogue.ANY, prop.name), (catalogue.ANY, prop.description)}

@@ -367,9 +367,7 @@ def test_a_blend_shows_the_settings_of_its_map(camera):
     for kind, names in wanted.items():
         assert bpy.ops.scfpf.blend_map(kind=kind) == {"FINISHED"}
         record = drawn(main)
-        assert {
-            entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_BlendField"
-        } == names
+        assert {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_BlendMap"} == names
         assert "makes it finer" not in texts(record), kind
     field.kind, field.border = "LINEAR", 0.0
     assert bpy.ops.scfpf.blend_map(kind="NONE") == {"FINISHED"}

@@ -281,19 +281,19 @@ CASES = {
     "Update Blend": (
         blended,
         OPERATORS.blend_update,
-        f"{BLEND}._write_shapes {BLEND}.write_field bridge.camera.shown_lens.approximate_lens "
+        f"{BLEND}._write_shapes {BLEND}.write_map bridge.camera.shown_lens.approximate_lens "
         "projection.volume.folds.find_folds",
     ),
     "Add Camera to Blend": (
         blended,
         OPERATORS.blend_camera_add,
-        f"operators.camera.blend.updated {BLEND}._keep_whole {BLEND}.write_field "
+        f"operators.camera.blend.updated {BLEND}._keep_whole {BLEND}.write_map "
         "projection.volume.folds.find_folds",
     ),
     "Remove Camera from Blend": (
         blend_of_three,
         OPERATORS.blend_camera_remove,
-        f"operators.camera.blend.updated {BLEND}.write_field projection.volume.folds.find_folds",
+        f"operators.camera.blend.updated {BLEND}.write_map projection.volume.folds.find_folds",
     ),
     "Blend Map": (
         blended,
@@ -304,7 +304,7 @@ CASES = {
     "Bake Map": (
         keyed_blend,
         lambda: OPERATORS.blend_map_bake(start=1, end=3),
-        f"{BLEND}.write_field bridge.blends.blend_bake.bake_map {BLEND}.read_fields "
+        f"{BLEND}.write_map bridge.blends.blend_bake.bake_map {BLEND}.read_maps "
         "bridge.blends.blend_bake.kept_frames bridge.blends.blend_bake.hat",
     ),
     "Camera from Screen": (

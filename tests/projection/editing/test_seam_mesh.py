@@ -4,16 +4,16 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.editing.blend_fields import BlendField
+from scfpf_addon.projection.editing.blend_map import BlendMap
 from scfpf_addon.projection.editing.seam_mesh import seam_mesh
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 
 ASPECT = 1.6
-LINE = BlendField("LINEAR", centre=(0.4, 0.3), angle=0.7, border=0.0)
-BOX = BlendField("RECTANGLE", centre=(0.6, 0.5), size=(0.5, 0.4), angle=0.3, border=0.0)
+LINE = BlendMap("LINEAR", centre=(0.4, 0.3), angle=0.7, border=0.0)
+BOX = BlendMap("RECTANGLE", centre=(0.6, 0.5), size=(0.5, 0.4), angle=0.3, border=0.0)
 # Its sides lie on lines of the lattice.
-EVEN = BlendField("RECTANGLE", centre=(0.5, 0.5), size=(0.5, 0.5), border=0.0)
-CIRCLE = BlendField("RADIAL", centre=(0.45, 0.6), size=(0.5, 0.5), border=0.0)
+EVEN = BlendMap("RECTANGLE", centre=(0.5, 0.5), size=(0.5, 0.5), border=0.0)
+CIRCLE = BlendMap("RADIAL", centre=(0.45, 0.6), size=(0.5, 0.5), border=0.0)
 
 
 def areas(mesh):
@@ -24,16 +24,16 @@ def areas(mesh):
 
 @pytest.mark.parametrize("fields", [(LINE,), (BOX,), (EVEN,), (BOX, LINE, EVEN)], ids=str)
 @pytest.mark.parametrize("faces", [1, 8])
-def test_straight_seams_are_exact(fields, faces):
+def test_straight_seams_are_exact(maps, faces):
     """Random positions: the vertices of the triangle about each are on the side that the formula says."""
-    mesh = seam_mesh(fields, ASPECT, faces)
+    mesh = seam_mesh(maps, ASPECT, faces)
     assert areas(mesh).min() > -1e-15 and areas(mesh).sum() == pytest.approx(1.0, abs=1e-12)
     x, y = np.random.default_rng(3).uniform(size=(2, 4000))
     found = UVChart(mesh.places[mesh.triangles], mesh.triangles).find(x, y)
     assert (found.triangle >= 0).all()
-    for field, sides in zip(fields, mesh.sides, strict=True):
-        away = np.abs(field.levels(x, y, ASPECT)).min(axis=0) > 1e-6
-        wanted = field.factors(x, y, ASPECT) == 1.0
+    for blend_map, sides in zip(maps, mesh.sides, strict=True):
+        away = np.abs(blend_map.levels(x, y, ASPECT)).min(axis=0) > 1e-6
+        wanted = blend_map.values(x, y, ASPECT) == 1.0
         corners = sides[mesh.triangles[found.triangle]]
         assert (corners == wanted[:, None])[away].all()
 
@@ -51,8 +51,8 @@ def test_painted_edges_are_polygons_of_many_corners():
     """A square and stripes as thin as the lattice: no triangle is on the wrong side by more than a pixel."""
     row, column = np.mgrid[:256, :256]
     painted = (np.maximum(abs(column - 90), abs(row - 140)) < 61) | (column > 190) & (row % 16 < 7)
-    field = BlendField("IMAGE", pixels=painted.astype(float), is_sharp=True)
-    mesh = seam_mesh((field, LINE), ASPECT, 128)
+    blend_map = BlendMap("IMAGE", pixels=painted.astype(float), is_sharp=True)
+    mesh = seam_mesh((blend_map, LINE), ASPECT, 128)
     assert areas(mesh).min() > -1e-15 and areas(mesh).sum() == pytest.approx(1.0, abs=1e-12)
     within = mesh.sides[0][mesh.triangles]
     assert (within.all(axis=1) | ~within.any(axis=1)).all()

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.editing.blend_fields import BlendField
+from scfpf_addon.projection.editing.blend_map import BlendMap
 from scfpf_addon.projection.editing.blending import blended
 from scfpf_addon.projection.mappings.radial import Distortion
 from scfpf_addon.projection.mappings.stack import Stack
@@ -85,7 +85,7 @@ def test_empty_parts_cannot_be_blended():
 
 def test_a_seam_leaves_each_projection_whole_up_to_it():
     """Straight volumes need two triangles and those of the cuts; a bent one as many as its error asks for."""
-    seam = BlendField("RECTANGLE", centre=(0.4, 0.6), size=(0.4, 0.3), angle=0.4, border=0.0)
+    seam = BlendMap("RECTANGLE", centre=(0.4, 0.6), size=(0.4, 0.3), angle=0.4, border=0.0)
     x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
     for second, most, share in ((CORNERED, 60, 1e-9), (BALLS, 10000, 1e-3)):
         ends = Projection(STRAIGHT, aspect=2.0), Projection(second, aspect=2.0)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fields of factors over an image: where one of several blended projections counts, and how much.
+"""Maps of a blend: where in the image one of several blended projections counts, and how much.
 
+A projection's weight at a position is its strength times the value of its map there, see ``normalised``.
 Distances are shares of the image's width. A border of width w goes from 0 to 1 as the cubic 3p² - 2p³.
 """
 
@@ -13,24 +14,24 @@ import numpy as np
 
 from ..typing import Array
 
-FieldKind = Literal["LINEAR", "RADIAL", "RECTANGLE", "IMAGE", "VIEWS"]
+MapKind = Literal["LINEAR", "RADIAL", "RECTANGLE", "IMAGE", "VIEWS"]
 
 
 @dataclass(frozen=True)
-class BlendField:
-    """A field of factors in [0, 1] over an image.
+class BlendMap:
+    """The map of a blended projection: values in [0, 1] over an image.
 
     kind: LINEAR, 1 beyond a line through the centre; RADIAL, 1 within a circle; RECTANGLE, 1 within a turned
     rectangle; IMAGE, that of pixels; VIEWS, 1 within each of several circles. centre: (2,) shares of the
     image's width and height, from its lower left. size: (2,) shares of the image's width and height, of the
     rectangle; the first is the circle's diameter. angle: radians counterclockwise; that of the direction in
-    which a linear field grows, or of the rectangle. border: width of the transition, half of it inside; with
+    which a linear map grows, or of the rectangle. border: width of the transition, half of it inside; with
     VIEWS all of it is outside. pixels: (H, W) in [0, 1], row 0 at the bottom. is_sharp: whether pixels count
     as 1 from a half on, and as 0 below. is_inverted: whether 0 and 1 change places. circles: at least one for
     VIEWS: the centre, as ``centre``, and the diameter.
     """
 
-    kind: FieldKind
+    kind: MapKind
     centre: tuple[float, float] = (0.5, 0.5)
     size: tuple[float, float] = (0.5, 0.5)
     angle: float = 0.0
@@ -40,8 +41,8 @@ class BlendField:
     is_inverted: bool = False
     circles: tuple[tuple[float, float, float], ...] = ()
 
-    def factors(self, x: Array, y: Array, aspect: float) -> Array:
-        """The factors at image positions x, y in [0, 1], (N,). aspect: width over height of the image."""
+    def values(self, x: Array, y: Array, aspect: float) -> Array:
+        """The values at image positions x, y in [0, 1], (N,). aspect: width over height of the image."""
         if self.kind == "IMAGE":
             found = self._painted(x, y)
             found = np.heaviside(found - 0.5, 0.5) if self.is_sharp else found
@@ -61,11 +62,11 @@ class BlendField:
 
     @property
     def has_seam(self) -> bool:
-        """Return whether the field goes from 0 to 1 along a curve, without a border."""
+        """Return whether the map goes from 0 to 1 along a curve, without a border."""
         return self.is_sharp if self.kind == "IMAGE" else self.border <= 0.0
 
     def levels(self, x: Array, y: Array, aspect: float) -> Array:
-        """Signed distances (K, N) of positions from the field's lines: all are positive where it is 1.
+        """Signed distances (K, N) of positions from the map's lines: all are positive where it is 1.
 
         x, y: (N,) image positions. aspect: width over height of the image. Of pixels the level is no
         distance, but their value less a half.

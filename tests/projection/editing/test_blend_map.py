@@ -1,49 +1,49 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fields of factors over an image against their definitions."""
+"""Maps of a blend against their definitions."""
 
 import math
 
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.editing.blend_fields import BlendField, bilinear, normalised
+from scfpf_addon.projection.editing.blend_map import BlendMap, bilinear, normalised
 
 ASPECT = 2.0
 
 
-def at(field, *places):
+def at(blend_map, *places):
     x, y = np.array(places, float).T
-    return field.factors(x, y, ASPECT)
+    return blend_map.values(x, y, ASPECT)
 
 
 def test_a_gradient_grows_along_its_direction():
     """Half way at its centre, and by half its border, in widths of the image, to either end."""
-    field = BlendField("LINEAR", centre=(0.4, 0.5), angle=0.0, border=0.2)
-    assert at(field, (0.29, 0.1), (0.4, 0.9), (0.51, 0.5)) == pytest.approx([0, 0.5, 1])
+    blend_map = BlendMap("LINEAR", centre=(0.4, 0.5), angle=0.0, border=0.2)
+    assert at(blend_map, (0.29, 0.1), (0.4, 0.9), (0.51, 0.5)) == pytest.approx([0, 0.5, 1])
     share = 0.25
-    assert at(field, (0.35, 0.5)) == pytest.approx(3 * share**2 - 2 * share**3)
-    upwards = BlendField("LINEAR", angle=math.pi / 2, border=0.2)
+    assert at(blend_map, (0.35, 0.5)) == pytest.approx(3 * share**2 - 2 * share**3)
+    upwards = BlendMap("LINEAR", angle=math.pi / 2, border=0.2)
     # The image is half as high as wide.
     assert at(upwards, (0.9, 0.5 + 0.05 * ASPECT)) == pytest.approx(1 - 3 * share**2 + 2 * share**3)
 
 
 def test_a_circle_is_one_in_space_and_a_rectangle_turns():
-    circle = BlendField("RADIAL", centre=(0.5, 0.5), size=(0.4, 0.0), border=0.0)
+    circle = BlendMap("RADIAL", centre=(0.5, 0.5), size=(0.4, 0.0), border=0.0)
     turn = np.linspace(0, 2 * np.pi, 50)
     for radius, wanted in ((0.199, 1.0), (0.201, 0.0)):
         x, y = 0.5 + radius * np.cos(turn), 0.5 + ASPECT * radius * np.sin(turn)
-        assert (circle.factors(x, y, ASPECT) == wanted).all()
+        assert (circle.values(x, y, ASPECT) == wanted).all()
     generator = np.random.default_rng(0)
     x, y = generator.uniform(size=(2, 2000))
-    box = BlendField("RECTANGLE", centre=(0.3, 0.6), size=(0.4, 0.3), angle=0.5, border=0.0)
+    box = BlendMap("RECTANGLE", centre=(0.3, 0.6), size=(0.4, 0.3), angle=0.5, border=0.0)
     # The same turn by complex numbers.
     place = (x - 0.3 + 1j * (y - 0.6) / ASPECT) * np.exp(-0.5j)
     inside = (np.abs(place.real) < 0.2) & (np.abs(place.imag) < 0.15 / ASPECT)
-    assert (box.factors(x, y, ASPECT) == inside).all() and 0.05 < inside.mean() < 0.2
+    assert (box.values(x, y, ASPECT) == inside).all() and 0.05 < inside.mean() < 0.2
 
 
 def test_the_border_of_a_rectangle_is_as_wide_at_its_corners():
-    box = BlendField("RECTANGLE", size=(0.4, 0.4), border=0.1)
+    box = BlendMap("RECTANGLE", size=(0.4, 0.4), border=0.1)
     corner = np.array([0.7, 0.5 + 0.2])
     way = np.array([1.0, ASPECT]) / math.sqrt(2)
     assert at(box, corner + 0.0499 * way, corner + 0.0501 * way) == pytest.approx([0, 0], abs=1e-4)
@@ -60,20 +60,20 @@ def test_an_image_is_bilinear_between_the_middles_of_its_pixels():
     plane = 0.1 + 0.05 * columns + 0.08 * rows
     x, y = generator.uniform(0.1, 0.9, size=(2, 100))
     wanted = 0.1 + 0.05 * (7 * x - 0.5) + 0.08 * (5 * y - 0.5)
-    field = BlendField("IMAGE", pixels=plane)
-    assert field.factors(x, y, ASPECT) == pytest.approx(wanted)
-    turned = BlendField("IMAGE", pixels=plane, is_inverted=True)
-    assert turned.factors(x, y, ASPECT) == pytest.approx(1 - wanted)
+    blend_map = BlendMap("IMAGE", pixels=plane)
+    assert blend_map.values(x, y, ASPECT) == pytest.approx(wanted)
+    turned = BlendMap("IMAGE", pixels=plane, is_inverted=True)
+    assert turned.values(x, y, ASPECT) == pytest.approx(1 - wanted)
 
 
 def test_around_views_a_field_is_one_and_falls_off_outside():
     """In a circle 1, half way through its border a half, beyond that 0; the nearer of two counts."""
-    field = BlendField("VIEWS", border=0.1, circles=((0.2, 0.5, 0.2), (0.8, 0.5, 0.1)))
-    assert at(field, (0.2, 0.5), (0.299, 0.5), (0.35, 0.5), (0.401, 0.5)) == pytest.approx(
+    blend_map = BlendMap("VIEWS", border=0.1, circles=((0.2, 0.5, 0.2), (0.8, 0.5, 0.1)))
+    assert at(blend_map, (0.2, 0.5), (0.299, 0.5), (0.35, 0.5), (0.401, 0.5)) == pytest.approx(
         [1, 1, 0.5, 0], abs=1e-3
     )
     # The image is half as high as wide.
-    assert at(field, (0.8, 0.5 + 0.1 * ASPECT), (0.8, 0.5 + 0.151 * ASPECT)) == pytest.approx([0.5, 0])
+    assert at(blend_map, (0.8, 0.5 + 0.1 * ASPECT), (0.8, 0.5 + 0.151 * ASPECT)) == pytest.approx([0.5, 0])
 
 
 def test_weights_are_divided_by_their_sum_only_above_one():
