@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What pictures joined from ordinary renders lack, or show in another way, named in the artist's words."""
+"""Cautions about pictures joined from ordinary renders: what they lack or show in another way."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which flexible camera a 3D viewport shows live, and when it shows the camera's ordinary view instead."""
+"""The flexible camera that a 3D viewport shows live, and whether it shows the ordinary view instead."""
 
 from __future__ import annotations
 

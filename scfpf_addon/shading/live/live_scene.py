@@ -13,9 +13,9 @@ from ...casting.common.geometry import Geometry, Layer
 from ...casting.common.hits import NothingToCastAt
 from ...casting.scene.cast_scene import CastScene
 from ...casting.scene.cast_space import CastSpace
+from ...casting.scene.two_parts import StillPart, TwoPartScene
 from ...projection.typing import Array, BoolArray
 from ..typing import Single
-from .two_parts import StillPart, TwoPartScene
 
 # The layer of ``Geometry.layers`` that holds the meshes' active colour attributes.
 COLOR_LAYER = "COLOR:"

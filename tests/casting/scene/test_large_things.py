@@ -10,9 +10,9 @@ from scfpf_addon.casting.continuation import cast_rays
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.graded_triangles import graded
+from scfpf_addon.casting.scene.two_parts import StillPart
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
-from scfpf_addon.shading.live.two_parts import StillPart
 
 WIDTH, HEIGHT = 64, 48
 SIZES = (1e3, 1e5, 1e7)

@@ -22,7 +22,7 @@ def areas(mesh):
     return 0.5 * (x * w - y * z)
 
 
-@pytest.mark.parametrize("fields", [(LINE,), (BOX,), (EVEN,), (BOX, LINE, EVEN)], ids=str)
+@pytest.mark.parametrize("maps", [(LINE,), (BOX,), (EVEN,), (BOX, LINE, EVEN)], ids=str)
 @pytest.mark.parametrize("faces", [1, 8])
 def test_straight_seams_are_exact(maps, faces):
     """Random positions: the vertices of the triangle about each are on the side that the formula says."""

@@ -13,12 +13,12 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.scene.cast_scene import MOST_PARTS, CastScene
-from ...casting.scene.cast_triangles import SharedWeights
-from ...casting.scene.graded_triangles import graded_mesh
-from ...casting.scene.occupancy import Occupancy
-from ...casting.scene.traced_mesh import TracedMesh
 from ...projection.typing import Array, BoolArray, Float32Array
+from .cast_scene import MOST_PARTS, CastScene
+from .cast_triangles import SharedWeights
+from .graded_triangles import graded_mesh
+from .occupancy import Occupancy
+from .traced_mesh import TracedMesh
 
 # Cells of the grid of a moving part's empty space: a fine one takes longer than the images that it is for.
 MOVING_CELLS = 1 << 12
