@@ -21,7 +21,7 @@ from .camera import (
     ways,
 )
 from .common import modal_job
-from .image import find, pick, quilt, render
+from .image import find, pick, quilt, render, time_render
 from .layers import layer_check, layer_list, layer_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
@@ -43,6 +43,7 @@ MODULES = (
     vr_pair,
     render,
     quilt,
+    time_render,
     engine,
     pick,
     find,

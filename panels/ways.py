@@ -59,7 +59,10 @@ def draw_ways(layout, context, camera) -> None:
     found.camera, found.engine = camera.name, "EEVEE" if own else "SCENE"
     found = row.operator("scfpf.joined_plan", text="", icon="PRESET")
     found.camera, found.engine = camera.name, "EEVEE" if own else "SCENE"
-    column.operator("scfpf.quilt", text="Quilt", icon="MESH_GRID")
+    row = column.row(align=True)
+    row.operator("scfpf.quilt", text="Quilt")
+    row.operator("scfpf.time_render", text="Over Time")
+    row.operator("scfpf.time_assemble", text="", icon="RENDERLAYERS")
     draw_plan(column, scene, camera, versions.EEVEE if own else scene.render.engine)
     if renders_by_cycles(scene, camera) and shown_layers(camera):
         draw_text(layout, NOT_BY_F12, "INFO")

@@ -78,6 +78,14 @@ def _view_at(distance: float, angle: float, is_new: bool = False):
     return act
 
 
+def _over_time() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.time_render(way="ROLLING", span=SHUTTER, steps=bpy.context.scene.render.resolution_y))
+
+
+# How many frames the rolling shutter of the propeller takes.
+SHUTTER = 9.0
 # Distances and fields of view, in degrees, of the recipe of the fist.
 FIST, BODY = (1.2, 43.0), (2.8, 76.0)
 # The angle by which the recipe of the best side turns the layer's camera, in degrees.
@@ -147,6 +155,24 @@ RECIPES = (
         "smoothly; *Polyline* makes them straight. The arrows in the viewport drag distances and widths. "
         "Keyframes act on *Distance*, *Field of View* and *Shift*. A narrow field of view at a face and a "
         "wide one behind it make a portrait as through a long lens, before a wide street.",
+    ),
+    Recipe(
+        "rolling-shutter",
+        "A propeller by a rolling shutter",
+        "A picture in which each row has a time of its own; columns make a slit scan.",
+        scenes.propeller,
+        (
+            size(960, 540),
+            select("Select the camera of an animated scene.", "Camera"),
+            Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
+            Step(
+                f"Press *Over Time* in the panel. Enter *Frames* {SHUTTER:g} and *Steps* 540, one for each row.",
+                _over_time,
+            ),
+        ),
+        "The propeller turns once in eight frames. Any volume serves, and moves with its keyframes meanwhile. "
+        "*Image* takes the times from a painted image. *Assemble from Frames* makes the same from the "
+        "frames that EEVEE or Cycles have rendered.",
     ),
     Recipe(
         "long-pan",

@@ -153,6 +153,75 @@ def boxer():
     return scene
 
 
+def propeller():
+    """The nose of an old aeroplane before a bright sky; its propeller turns once in eight frames."""
+    import bpy
+
+    from ..mesh import material
+    from ..render_demo import Shot, place_camera
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("Sky")
+    scene.world.color = (0.35, 0.55, 0.80)
+
+    def add(name, color, roughness, metallic=0.0, parent=None):
+        obj = bpy.context.view_layer.objects.active
+        obj.name, obj.parent = name, parent
+        obj.data.shade_smooth()
+        obj.data.materials.append(material(name, color, roughness, metallic))
+        return obj
+
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1.0, scale=(0.92, 2.4, 0.92))
+    add("Fuselage", (0.55, 0.05, 0.03), 0.3).location.y = 1.9
+    bpy.ops.mesh.primitive_torus_add(
+        major_radius=0.83,
+        minor_radius=0.09,
+        major_segments=96,
+        minor_segments=24,
+        rotation=(math.pi / 2, 0, 0),
+    )
+    add("Cowl", (0.75, 0.72, 0.66), 0.25).location.y = 0.62
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=0.3, scale=(1.0, 1.5, 1.0))
+    hub = add("Hub", (0.80, 0.62, 0.12), 0.2)
+    hub.location.y = -0.35
+    for number in range(3):
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=1.0)
+        blade = add("Blade", (0.10, 0.06, 0.04), 0.35, parent=hub)
+        blade.scale = (0.16, 0.03, 0.95)
+        turn = 2.0 * math.pi * number / 3.0
+        blade.rotation_mode = "YXZ"
+        blade.rotation_euler = (0.0, turn, 0.0)
+        blade.location = (0.95 * math.sin(turn), 0.0, 0.95 * math.cos(turn))
+    for side in (-1.0, 1.0):
+        for level in (-0.35, 1.25):
+            bpy.ops.mesh.primitive_cube_add(size=1, location=(side * 3.2, 1.7, level), scale=(5.0, 1.4, 0.09))
+            wing = add("Wing", (0.80, 0.77, 0.68), 0.5)
+            bevel = wing.modifiers.new("Round", "BEVEL")
+            bevel.width, bevel.segments = 0.04, 3
+        bpy.ops.mesh.primitive_cylinder_add(radius=0.05, depth=1.6, location=(side * 3.6, 1.3, 0.45))
+        add("Strut", (0.30, 0.18, 0.09), 0.5)
+    for frame, turns in ((1, 0), (81, 10)):
+        hub.rotation_euler.y = 2.0 * math.pi * turns
+        hub.keyframe_insert("rotation_euler", index=1, frame=frame)
+    action = hub.animation_data.action
+    curves = (
+        action.fcurves if hasattr(action, "fcurves") else action.layers[0].strips[0].channelbags[0].fcurves
+    )
+    for key in curves[0].keyframe_points:
+        key.interpolation = "LINEAR"
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle = 3.5, 0.02
+    sun.rotation_euler = (0.75, -0.35, 0.2)
+    scene.collection.objects.link(sun)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.data.lens = camera, 42.0
+    place_camera(camera, Shot((0.5, -7.2, 0.1), (0.0, 0.0, 0.25)))
+    scene.frame_set(1)
+    return scene
+
+
 def _with_screen(points, faces, uvs):
     """The street with a screen, and an empty at its viewer's eye."""
     import bpy

@@ -158,6 +158,7 @@ JOBS = {
     "SCFPF_OT_engine_warn": ("operators.camera.engine", [], None),
     "SCFPF_OT_render": ("operators.image.render", [TIMER], CANCELED),
     "SCFPF_OT_quilt": ("operators.image.quilt", [TIMER], CANCELED),
+    "SCFPF_OT_time_render": ("operators.image.time_render", [TIMER], CANCELED),
     "SCFPF_OT_render_escape": ("operators.image.render", [], None),
     "SCFPF_OT_pick": ("operators.image.pick", [MOUSE], ""),
     "SCFPF_OT_mapping_place": ("operators.volume.mappings", [MOUSE], ""),
@@ -209,7 +210,7 @@ def job(request, addon, monkeypatch):
         bpy.ops.scfpf.cycles_rig()
         for frame in (2, 1):
             scene.frame_set(frame)  # the rig notes that its volume moves
-    if name in {"SCFPF_OT_render", "SCFPF_OT_quilt"}:
+    if name in {"SCFPF_OT_render", "SCFPF_OT_quilt", "SCFPF_OT_time_render"}:
         # Many times as long as any test waits.
         scene.render.resolution_x = scene.render.resolution_y = 2048
         camera.scfpf.samples = 64
@@ -228,7 +229,9 @@ def job(request, addon, monkeypatch):
         along = iter((1.0, 2.5))
         operator._along = lambda *_: next(along)
     if name == "SCFPF_OT_quilt":
-        operator.columns, operator.rows, operator._is_asked, operator.wait = 2, 1, True, operator.execute
+        operator.columns, operator.rows = 2, 1
+    if name in {"SCFPF_OT_quilt", "SCFPF_OT_time_render"}:
+        operator._is_asked, operator.wait = True, operator.execute
     if name == "SCFPF_OT_aim_solve":
         operator.prepared = lambda _context: camera
     if name == "SCFPF_OT_aim_pin_click":
