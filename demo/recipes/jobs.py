@@ -166,13 +166,13 @@ RECIPES = (
             select("Select the camera of an animated scene.", "Camera"),
             Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
             Step(
-                f"Press *Over Time* in the panel. Enter *Frames* {SHUTTER:g} and *Steps* 540, one for each row.",
+                f"Press *Over Time* in the panel. Enter *Frames* {SHUTTER:g} and *Steps* 540, one a row.",
                 _over_time,
             ),
         ),
-        "The propeller turns once in eight frames. Any volume serves, and moves with its keyframes meanwhile. "
-        "*Image* takes the times from a painted image. *Assemble from Frames* makes the same from the "
-        "frames that EEVEE or Cycles have rendered.",
+        "The propeller turns once in eight frames. Any volume serves, and moves with its keyframes "
+        "meanwhile. *Image* takes the times from a painted image. *Assemble from Frames* makes the same "
+        "from the frames that EEVEE or Cycles have rendered.",
     ),
     Recipe(
         "long-pan",

@@ -163,7 +163,10 @@ def propeller():
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Sky")
-    scene.world.color = (0.35, 0.55, 0.80)
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0.36, 0.58, 0.85, 1.0)
 
     def add(name, color, roughness, metallic=0.0, parent=None):
         obj = bpy.context.view_layer.objects.active
@@ -217,7 +220,7 @@ def propeller():
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     scene.camera, camera.data.lens = camera, 42.0
-    place_camera(camera, Shot((0.5, -7.2, 0.1), (0.0, 0.0, 0.25)))
+    place_camera(camera, Shot((0.4, -7.0, 0.0), (0.0, 0.0, 0.3)))
     scene.frame_set(1)
     return scene
 
