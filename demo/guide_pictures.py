@@ -22,7 +22,7 @@ FEW = ("-colors", "64")
 # The margin of cropped images, in pixels.
 MARGIN = 5
 # The endings of the names of panels with an image of their own: of the camera, and of the engine.
-PANELS = ("surfaces", "projectors", "mappings", "quality", "cycles", "display", "drawn")
+PANELS = ("surfaces", "projectors", "mappings", "quality", "display", "drawn")
 ENGINE_PANELS = ("camera", "pattern", "passes")
 # Passes that are switched on in their image.
 PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
@@ -223,22 +223,26 @@ def panels_and_menus(driver):
     before = yield from still(driver)
     shown = {name: f"SCFPF_PT_view_{name}" for name in PANELS}
     shown |= {f"engine-{name}": f"SCFPF_PT_engine_{name}" for name in ENGINE_PANELS}
+    shown["cycles"] = "SCFPF_PT_view_cycles"
     for name, identifier in shown.items():
         driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
         yield 0.2
+        if name == "cycles":
+            # The panel is there once Cycles renders the camera.
+            with driver.override():
+                bpy.ops.scfpf.cycles_rig("EXEC_DEFAULT")
+            driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+            before = yield from still(driver)
         with driver.override():
             bpy.ops.wm.call_panel(name=identifier)
         yield DRAW
-        # The first draw starts computing the price, and a popup does not update.
-        if name == "cycles":
-            driver.key("ESC")
-            yield DRAW
-            with driver.override():
-                bpy.ops.wm.call_panel(name=identifier)
-            yield DRAW
         popped_up(driver, before, f"panel-{name}.png")
         driver.key("ESC")
         yield DRAW
+    with driver.override():
+        bpy.ops.scfpf.cycles_rig("EXEC_DEFAULT")
+    bpy.context.scene.render.engine = "SCFPF"
+    before = yield from still(driver)
     for name, identifier in MENUS.items():
         yield from menu(driver, identifier, (x, y))
         popped_up(driver, before, f"{name}.png")

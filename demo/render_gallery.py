@@ -70,7 +70,7 @@ RECIPES = {
     "tiles": "all-sides",
 }
 
-CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: *Set Up Cycles* sends its rays
+CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: the button *Cycles* sends its rays
 along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 TIMES_TEXT = f"""Each picture has {CYCLES_SAMPLES} samples a pixel and is denoised. Times are processor
 seconds with the reading of the scene and the denoising. The ordinary camera has the same place and size.

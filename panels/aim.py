@@ -103,11 +103,12 @@ class _AimSection(Subsection):
         row.scale_y = 1.3
         row.operator("scfpf.aim_solve", icon="CON_TRACKTO")
         row.operator("scfpf.aim_live", text="", icon="PLAY", depress=settings.aim.live)
+        if settings.active_aim < len(settings.aim_targets):
+            draw_target(layout, settings.aim_targets[settings.active_aim])
+        # Below the buttons, which stay where they are.
         column = layout.column(align=True)
         for number, part in enumerate(settings.aim.message.split(" · ") if settings.aim.message else ()):
             draw_text(column, part, "BLANK1" if number else "ERROR" if settings.aim.flaws else "INFO")
-        if settings.active_aim < len(settings.aim_targets):
-            draw_target(layout, settings.aim_targets[settings.active_aim])
 
 
 def draw_target(layout, target) -> None:
@@ -116,6 +117,19 @@ def draw_target(layout, target) -> None:
         layout.operator("scfpf.aim_drag", icon="VIEW_PAN")
     if target.kind == VIEW:
         draw_turns(layout.column(align=True))
+    header, body = layout.panel("scfpf_aim_target", default_closed=True)
+    header.label(text="Target")
+    if body is not None:
+        draw_numbers(body, target)
+    if target.message:
+        draw_text(layout, target.message, "ERROR" if target.hidden > 0.0 else "INFO")
+    if target.kind == VIEW and target.hidden > 0.0 and any(target.free_turn):
+        turn = layout.operator("scfpf.aim_turn", text="Turn to Free Direction", icon="ORIENTATION_GIMBAL")
+        turn.to_free = True
+
+
+def draw_numbers(layout, target) -> None:
+    """Draw what a target is about, and how it is shown."""
     column = layout.column()
     column.active = target.is_on
     if target.kind in (VIEW, STAY):
@@ -128,11 +142,6 @@ def draw_target(layout, target) -> None:
             column.prop(target, name)
     for name in NUMBERS[target.kind]:
         column.prop(target, name)
-    if target.message:
-        draw_text(layout, target.message, "ERROR" if target.hidden > 0.0 else "INFO")
-    if target.kind == VIEW and target.hidden > 0.0 and any(target.free_turn):
-        turn = layout.operator("scfpf.aim_turn", text="Turn to Free Direction", icon="ORIENTATION_GIMBAL")
-        turn.to_free = True
 
 
 def draw_turns(column) -> None:

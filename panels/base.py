@@ -57,6 +57,11 @@ class Subsection:
         self.draw_settings(context, camera, camera.scfpf)
 
 
+def shows_internals(context) -> bool:
+    """Return whether the user wants figures about the insides: Developer Extras in Blender's Preferences."""
+    return context.preferences.view.show_developer_ui
+
+
 def _camera_for(section, context):
     """The camera that a section is about, or None."""
     return camera_of(context) if section.takes_ordinary else flexible_camera_of(context)

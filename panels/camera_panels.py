@@ -9,19 +9,14 @@ from ..operators.common.words import label_text
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, knows_its_ends
 from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
-from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
-from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.settings.blend_properties import MAP_KINDS
-from ..scfpf_addon.bridge.sync.camera_sync import sharers
-from ..scfpf_addon.projection.user_error import UserError
-from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
+from .base import DataTab, Sidebar, Subsection, draw_lines, section_panels, shows_internals
 from .mapping_stack import draw_stack
+from .messages import draw_messages
 from .render_button import draw_render, draw_report
 from .surface_list import draw_surfaces
 from .ways import draw_ways
 
-# For a volume that is as the camera's own view.
-NEXT = "Straight so far. To bend it, choose a preset, or add a surface with + and move it (G)"
 # What each kind of map shows.
 MAP_SETTINGS = {
     "NONE": (),
@@ -31,32 +26,6 @@ MAP_SETTINGS = {
     "IMAGE": ("is_sharp",),
     "VIEWS": ("border",),
 }
-
-
-def is_plain(settings) -> bool:
-    """Return whether a volume is like a new one: two planes, and no image mappings."""
-    kinds = [slot.object and slot.object.scfpf_surface.kind for slot in settings.surfaces]
-    return kinds == ["PLANE", "PLANE"] and not len(settings.mappings)
-
-
-def draw_fit(layout, scene, camera) -> None:
-    """Draw a button if the volume was made for a resolution of another shape."""
-    try:
-        wanted = needs_fit(camera, image_aspect(scene))
-    except UserError:
-        return  # Rendering reports that the image is too large.
-    if wanted:
-        layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")
-
-
-def draw_shared(layout, camera) -> None:
-    """Draw a line and a button if another camera, such as a duplicate, uses surfaces of this one."""
-    others = sharers(camera)
-    if others:
-        with_whom = f"'{others[0]}'" if len(others) == 1 else label_text("{0} cameras", len(others))
-        column = layout.column(align=True)
-        column.label(text=label_text("Surfaces shared with {0}", with_whom), icon="INFO")
-        column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
 class SCFPF_UL_blend(bpy.types.UIList):
@@ -71,10 +40,8 @@ class SCFPF_UL_blend(bpy.types.UIList):
 
 
 def draw_blend(layout, camera) -> None:
-    """Draw the factor, the ends and the button Update Blend of a blended camera; nothing for others."""
+    """Draw the factor, the ends and the button Update Blend of a blended camera."""
     settings = camera.scfpf
-    if not is_blend(camera) and not knows_its_ends(camera):
-        return
     column = layout.column(align=True)
     column.prop(settings, "blend_factor", slider=True)
     if not knows_its_ends(camera):
@@ -174,28 +141,39 @@ class _MainSection:
         if self.names_camera or camera != active_object(context):
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
-            draw_render(layout, context, camera)
+            draw_render(layout, camera)
             draw_ways(layout, context, camera)
-            draw_fit(layout, context.scene, camera)
-            draw_shared(layout, camera)
-            draw_blend(layout, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
-            if is_plain(camera.scfpf):
-                draw_text(layout, NEXT, "INFO")
+            draw_messages(layout, context, camera)
             return
         column = layout.column(align=True)
         column.operator("scfpf.camera_toggle", text="Make This Camera Flexible", icon="OUTLINER_OB_CAMERA")
         column.menu("SCFPF_MT_presets", text="Start from a Preset", icon="PRESET")
 
 
+class _BlendSection(Subsection):
+    bl_label = "Blend"
+    bl_order = 2
+
+    def draw_settings(self, _context, camera, _settings):
+        if is_blend(camera) or knows_its_ends(camera):
+            draw_blend(self.layout, camera)
+            return
+        column = self.layout.column(align=True)
+        column.operator("scfpf.camera_blend", icon="IPO_EASE_IN_OUT")
+        column.menu("SCFPF_MT_blend_presets", icon="PRESET")
+
+
 class _StatisticsSection(Subsection):
     bl_label = "Statistics"
-    bl_order = 0  # registered before the surfaces, which have the same order
+    bl_order = 10
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and bool(flexible_camera_of(context).scfpf.statistics)
+        if not (super().poll(context) and shows_internals(context)):
+            return False
+        return bool(flexible_camera_of(context).scfpf.statistics)
 
     def draw_settings(self, _context, _camera, settings):
         draw_report(self.layout, settings.statistics)
@@ -203,7 +181,7 @@ class _StatisticsSection(Subsection):
 
 class _SurfacesSection(Subsection):
     bl_label = "Control Surfaces"
-    bl_order = 0
+    bl_order = 3
 
     def draw_settings(self, context, _camera, settings):
         draw_surfaces(self.layout, context, settings)
@@ -211,7 +189,8 @@ class _SurfacesSection(Subsection):
 
 class _ProjectorsSection(Subsection):
     bl_label = "Projectors"
-    bl_order = 1
+    bl_order = 4
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
         layout = self.layout
@@ -231,7 +210,7 @@ class _ProjectorsSection(Subsection):
 
 class _MappingsSection(Subsection):
     bl_label = "Image Mappings"
-    bl_order = 1
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, camera, _settings):
@@ -240,7 +219,8 @@ class _MappingsSection(Subsection):
 
 class _QualitySection(Subsection):
     bl_label = "Quality"
-    bl_order = 3
+    bl_order = 6
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
         self.layout.prop(settings, "pixel_error")
@@ -249,10 +229,10 @@ class _QualitySection(Subsection):
 
 class _DisplaySection(Subsection):
     bl_label = "Viewport Display"
-    bl_order = 5
+    bl_order = 9
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_settings(self, _context, _camera, settings):
+    def draw_settings(self, context, _camera, settings):
         self.layout.prop(settings, "show_projectors", text="Projectors")
         row = self.layout.row()
         row.active = settings.show_projectors
@@ -260,10 +240,11 @@ class _DisplaySection(Subsection):
         column = self.layout.column()
         column.active = settings.show_projectors
         column.prop(settings, "show_folds", text="Folds")
-        column.prop(settings, "iso_surfaces", text="Iso Count")
-        row = column.row()
-        row.active = settings.iso_surfaces == 1
-        row.prop(settings, "iso_t", text="Iso t")
+        if shows_internals(context):
+            column.prop(settings, "iso_surfaces", text="Iso Count")
+            row = column.row()
+            row.active = settings.iso_surfaces == 1
+            row.prop(settings, "iso_t", text="Iso t")
         draw_pick(column, settings)
         draw_found(column, settings)
 
@@ -289,12 +270,13 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         SCFPF_UL_blend,
         SCFPF_PT_data,
         SCFPF_PT_view,
-        *section_panels(_StatisticsSection, "statistics"),
+        *section_panels(_BlendSection, "blend"),
         *section_panels(_SurfacesSection, "surfaces"),
         *section_panels(_ProjectorsSection, "projectors"),
         *section_panels(_MappingsSection, "mappings"),
         *section_panels(_QualitySection, "quality"),
         *section_panels(_DisplaySection, "display"),
+        *section_panels(_StatisticsSection, "statistics"),
     )
 )
 

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel Cycles: the switch, the price of the rig, and what keeps it from working."""
+"""The panel Cycles of a camera with a rig: what keeps the rig from working, its passes and its price."""
 
 import textwrap
 
 import bpy
 
+from ..operators.common.target import flexible_camera_of
 from ..operators.common.words import label_text
 from ..scfpf_addon.cycles.cautions import cautions
 from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
-from ..scfpf_addon.cycles.prices import price
 from ..scfpf_addon.cycles.rig_data import rig_of
-from .base import LINE, Subsection, draw_lines, draw_text, section_panels
+from .base import LINE, Subsection, draw_lines, draw_text, section_panels, shows_internals
 
 # Start of the line that says why rays skip no chord.
 ALL_CHORDS = "Rays pass empty chords, too"
@@ -30,41 +30,36 @@ def facts(price: Price) -> list[str]:
     ]
 
 
-def expected(camera, scene) -> list[str]:
-    """The price that a rig for this camera would have, or that it is being computed."""
-    found = price(camera, scene)
-    if found is None:
-        return ["Working out what it costs ..."]
-    return textwrap.wrap(found, LINE) if isinstance(found, str) else facts(found)
-
-
 class _CyclesSection(Subsection):
     bl_label = "Cycles"
-    bl_order = 4
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 7
 
-    def draw_settings(self, context, camera, _settings):
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        rig = rig_of(context.scene)
+        return rig is not None and rig.scfpf_rig.camera == flexible_camera_of(context)
+
+    def draw_settings(self, context, _camera, _settings):
         layout = self.layout
         rig = rig_of(context.scene)
-        is_on = rig is not None and rig.scfpf_rig.camera == camera
+        layout.operator("scfpf.cycles_render", text="Render Image (F12)", icon="RENDER_STILL")
+        layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         row = layout.row(align=True)
-        text = "Remove Cycles Setup" if is_on else "Set Up Cycles"
-        row.operator("scfpf.cycles_rig", text=text, icon="X" if is_on else "SHADING_RENDERED")
-        if is_on:
-            row.operator("scfpf.cycles_rig_update", text="", icon="FILE_REFRESH")
-            layout.operator("scfpf.cycles_render", text="Render Image (F12)", icon="RENDER_STILL")
-            for text in cautions(context.scene, context.view_layer, rig):
-                draw_text(layout, text, "ERROR")
-            layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
-            if rig.scfpf_rig.passes:
-                if rig.scfpf_rig.is_own_view:
-                    draw_text(layout, "Depth and Mist: as Cycles', of the camera's own view", "INFO")
-                else:
-                    draw_text(layout, "Depth and Mist: length of projectors from the near surface", "INFO")
-        lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
-        if is_on and rig.scfpf_rig.travels_all:
-            lines += textwrap.wrap(f"{ALL_CHORDS}: {rig.scfpf_rig.travels_all}", LINE)
-        draw_lines(layout, lines)
+        row.operator("scfpf.cycles_rig", text="Remove Cycles Setup", icon="X")
+        row.operator("scfpf.cycles_rig_update", text="", icon="FILE_REFRESH")
+        for text in cautions(context.scene, context.view_layer, rig):
+            draw_text(layout, text, "ERROR")
+        if rig.scfpf_rig.passes:
+            if rig.scfpf_rig.is_own_view:
+                draw_text(layout, "Depth and Mist: as Cycles', of the camera's own view", "INFO")
+            else:
+                draw_text(layout, "Depth and Mist: length of projectors from the near surface", "INFO")
+        *details, cost = facts(price_of_rig(rig))
+        draw_lines(layout, [*(details if shows_internals(context) else ()), cost])
+        if rig.scfpf_rig.travels_all:
+            draw_lines(layout, textwrap.wrap(f"{ALL_CHORDS}: {rig.scfpf_rig.travels_all}", LINE))
 
 
 register, unregister = bpy.utils.register_classes_factory(section_panels(_CyclesSection, "cycles"))

@@ -34,8 +34,7 @@ class SCFPF_UL_layers(bpy.types.UIList):
 
 class _LayersSection(Subsection):
     bl_label = "Layers"
-    bl_order = 0
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 1
     # Its button makes an ordinary camera flexible.
     takes_ordinary = True
 
@@ -54,14 +53,16 @@ class _LayersSection(Subsection):
         column.separator()
         column.operator("scfpf.layer_move", text="", icon="TRIA_UP").direction = "UP"
         column.operator("scfpf.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
-        layout.operator("scfpf.layer_check", icon="VIEWZOOM")
-        draw_picture(layout, settings.layer_image)
+        if settings.active_layer < len(settings.layers):
+            draw_layer(layout, settings.layers[settings.active_layer])
         row = layout.row(align=True)
         row.operator("scfpf.layers_render", icon="SHADING_RENDERED").camera = camera.name
         animation = row.operator("scfpf.layers_render", text="", icon="RENDER_ANIMATION")
         animation.camera, animation.animation = camera.name, True
+        layout.operator("scfpf.layer_check", icon="VIEWZOOM")
         if settings.active_layer < len(settings.layers):
-            draw_layer(layout, settings.layers[settings.active_layer])
+            draw_state(layout, settings.layers[settings.active_layer])
+        draw_picture(layout, settings.layer_image)
 
 
 def draw_picture(layout, image) -> None:
@@ -74,14 +75,25 @@ def draw_picture(layout, image) -> None:
 
 
 def draw_layer(layout, layer) -> None:
-    """Draw the settings of a layer, what it lacks, and what Check Layers has found."""
+    """Draw the settings of a layer."""
     column = layout.column()
     column.active = layer.is_on
-    for name in ("collection", "camera", "position", "size", "front", "mask", "halo"):
+    for name in ("collection", "camera", "position", "size", "front"):
         column.prop(layer, name)
-    row = column.row()
+    header, border = layout.panel("scfpf_layer_border", default_closed=True)
+    header.label(text="Border")
+    if border is None:
+        return
+    border.active = layer.is_on
+    border.prop(layer, "mask")
+    border.prop(layer, "halo")
+    row = border.row()
     row.active = layer.halo > 0.0
     row.prop(layer, "feather")
+
+
+def draw_state(layout, layer) -> None:
+    """Draw what a layer lacks, or what Check Layers has found."""
     lack = lacking(layer)
     if lack:
         draw_text(layout, label_text("Left out: {0}", lack), "ERROR")

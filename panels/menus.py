@@ -9,6 +9,8 @@ from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 
 # Blender's menus with the commands that duplicate objects.
 OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
+# The kinds that most volumes are made of.
+USUAL = ("PLANE", "CYLINDER", "SPHERE", "POINT")
 # Where to begin, each with its icon.
 BEGINNINGS = (
     ("OUTLINER_OB_CAMERA", "Add > Camera > Flexible Camera adds a camera with the viewport's view."),
@@ -25,10 +27,27 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
     bl_label = "Control Surface"
 
     def draw(self, _context):
-        for key, kind in BLENDER_KINDS.items():
-            entry = self.layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon)
-            # As Blender's Add does: G then moves what was added.
-            entry.kind, entry.select = key, True
+        _draw_kinds(self.layout, USUAL)
+        self.layout.separator()
+        self.layout.menu("SCFPF_MT_surface_add_more")
+
+
+class SCFPF_MT_surface_add_more(bpy.types.Menu):
+    """Further kinds of control surface"""
+
+    bl_label = "More"
+
+    def draw(self, _context):
+        _draw_kinds(self.layout, [key for key in BLENDER_KINDS if key not in USUAL])
+
+
+def _draw_kinds(layout, keys) -> None:
+    """Draw the entries of kinds of control surface."""
+    for key in keys:
+        kind = BLENDER_KINDS[key]
+        entry = layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon)
+        # As Blender's Add does: G then moves what was added.
+        entry.kind, entry.select = key, True
 
 
 class SCFPF_MT_surface_specials(bpy.types.Menu):
@@ -61,8 +80,6 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.distance_release", icon="UNLOCKED")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
-        self.layout.operator("scfpf.camera_blend", icon="IPO_EASE_IN_OUT")
-        self.layout.menu("SCFPF_MT_blend_presets", icon="IPO_EASE_IN_OUT")
 
 
 def _camera_entries(menu, _context):
@@ -102,6 +119,7 @@ class SCFPF_Preferences(bpy.types.AddonPreferences):
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_Preferences,
+        SCFPF_MT_surface_add_more,
         SCFPF_MT_surface_add,
         SCFPF_MT_surface_specials,
     )

@@ -2,34 +2,15 @@
 """The Render button with its progress, and what keeps it or F12 from rendering a flexible camera."""
 
 from ..operators.common.words import label_text
-from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.render import render_job
 from ..scfpf_addon.bridge.render.result_image import result_image
 from ..scfpf_addon.casting.scene.embreex import caster_fault
 from ..scfpf_addon.cycles.engine_choice import engine_name
 from .base import draw_lines, draw_text
-from .surface_list import absence_of
-
-# The problem of a control surface that the scene lacks, by ``absence_of``.
-ABSENT = {
-    "deleted": "A control surface was deleted",
-    "in another scene": "A control surface is in another scene",
-    "in no scene": "A control surface is in no scene",
-}
 
 
-def problems(scene, camera) -> list[str]:
-    """The reasons why a flexible camera cannot render, each in a few words."""
-    slots = camera.scfpf.surfaces
-    found = []
-    if len(slots) < 2 and not is_lattice_volume(slots):
-        found.append("A volume needs two control surfaces")
-    absent = {absence_of(scene, slot) for slot in slots}
-    return found + [text for where, text in ABSENT.items() if where in absent]
-
-
-def draw_render(layout, context, camera) -> None:
-    """Draw the Render button or the progress, problems, and the report of the last render."""
+def draw_render(layout, camera) -> None:
+    """Draw the Render button or the progress."""
     job = render_job.current()
     row = layout.row(align=True)
     row.scale_y = 1.5
@@ -41,12 +22,6 @@ def draw_render(layout, context, camera) -> None:
         text = "Canceling" if job.cancelled else label_text("Rendering {0:.0%}", job.progress)
         row.progress(factor=job.progress, text=text)
         row.operator("scfpf.render_cancel", text="", icon="X")
-    for problem in problems(context.scene, camera):
-        layout.label(text=problem, icon="ERROR")
-    if context.scene.render.use_multiview:
-        layout.label(text="One view: F12 renders all", icon="INFO")
-    draw_caster_fault(layout)
-    draw_report(layout, camera.scfpf.report)
 
 
 def draw_ignored(layout, scene) -> None:

@@ -62,7 +62,7 @@ def draw_surfaces(layout, context, settings) -> None:
     """Draw the list of a camera's control surfaces with its buttons, and the active surface."""
     row = layout.row()
     row.template_list(
-        "SCFPF_UL_surfaces", "", settings, "surfaces", settings, "active_surface", rows=5, sort_lock=True
+        "SCFPF_UL_surfaces", "", settings, "surfaces", settings, "active_surface", rows=4, sort_lock=True
     )
     column = row.column(align=True)
     if is_by_distance(settings.id_data):
@@ -99,15 +99,20 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
         for name in ("distance", "angle", "shift"):
             column.prop(own, name)
         return
-    column.prop(own, "kind")
     try:
-        for label, owner, name in parameter_properties(slot.object):
-            column.prop(owner, name, text=label)
+        parameters = parameter_properties(slot.object)
     except UserError as error:
         draw_text(column, error, "ERROR")
         return
+    header, sizes = layout.panel("scfpf_surface_sizes", default_closed=True)
+    header.label(text="Kind and Sizes")
+    if sizes is None:
+        return
+    sizes.prop(own, "kind")
+    for label, owner, name in parameters:
+        sizes.prop(owner, name, text=label)
     if is_scaled(slot.object):
-        _draw_world_sizes(layout.column(align=True), context.scene, slot.object)
+        _draw_world_sizes(sizes.column(align=True), context.scene, slot.object)
 
 
 def _draw_world_sizes(layout, scene, surface) -> None:

@@ -195,7 +195,7 @@ RECIPES = (
             select("Select the other, which is above the roofs and looks down.", "From Above"),
             Step("Do the same with it: both show what they did before.", _own_frustum),
             select("Select the lower camera, then the upper one with Shift.", "Level", "From Above"),
-            Step("Choose *Blend Cameras* in the menu ⌄ of *Control Surfaces*.", _blend),
+            Step("Press *Blend Cameras* in the panel *Blend*.", _blend),
             Step(
                 "Choose *Gradient* under *Map*. Set *Angle* to 90°, *Center* to 0.5 and 0.55, *Border* to "
                 "0.4.",

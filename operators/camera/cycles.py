@@ -16,7 +16,7 @@ from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
 from ..common.words import report_text, translated_report
 
-SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
+SET_UP_FIRST = "Press Cycles in the panel of the camera first"
 
 
 class _Planned(ModalJob):

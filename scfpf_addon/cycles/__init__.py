@@ -21,8 +21,6 @@ def register():
 
 
 def unregister():
-    from . import rig
     from .layers import layers_job
 
     layers_job.unregister()
-    rig.unregister()

@@ -399,7 +399,6 @@ def _note_flat(rig, projection: Projection, chords: ChordPlan) -> None:
 
 def scene_updated(scene, depsgraph) -> None:
     """Keep the scene's rigs consistent after an evaluation."""
-    prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         sync(scene, depsgraph)
         versions.settle_view_layers()
@@ -407,7 +406,6 @@ def scene_updated(scene, depsgraph) -> None:
 
 def frame_changed(scene, depsgraph) -> None:
     """Keep the scene's rigs consistent at another frame."""
-    prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         sync(scene, depsgraph, may_remove=False)
         versions.settle_view_layers()
@@ -429,7 +427,6 @@ def restore_after_history() -> None:
         _renew_table(rig)
     _released.clear()
     hidden_surfaces.forget()
-    prices.changed()
 
 
 def _renew_table(rig) -> None:
@@ -475,7 +472,3 @@ def frame_begins(scene) -> None:
 
 def register():
     hidden_surfaces.forget()
-
-
-def unregister():
-    prices.unregister()

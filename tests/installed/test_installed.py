@@ -127,7 +127,7 @@ def labels(installed):
             said.append(text)
 
     panel = importlib.import_module(f"{installed}.panels.render_button")
-    panel.draw_render(Layout(), bpy.context, bpy.context.scene.camera)
+    panel.draw_render(Layout(), bpy.context.scene.camera)
     return " ".join(said)
 
 

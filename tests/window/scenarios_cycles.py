@@ -93,19 +93,12 @@ def module(name):
 
 
 def price(driver):
-    """The price in the panel before the rig is made, progress while it is, and Esc."""
+    """The price before the rig is made, progress while it is, and Esc."""
     scene = prepare(driver)
     camera, frame = scene.camera, scene.frame_current
     before = counts()
-    # The first look asks for the price, which panels that stay open are drawn anew for.
-    for _ in range(2):
-        with driver.override():
-            bpy.ops.wm.call_panel(name="SCFPF_PT_view_cycles")
-        yield 2 * DRAW
-        driver.shot("price")
-        driver.key("ESC")
-        yield DRAW
-    answers = module(".cycles.prices").price(camera, scene)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    answers = module(".cycles.prices").compute(camera, scene, depsgraph)
     assert answers.chords > 1 and answers.portals == answers.chords + 1, answers
     with driver.override():
         assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"RUNNING_MODAL"}

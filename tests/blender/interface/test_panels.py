@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from recorded_layout import FakePanel, RecordingLayout, drawn, texts
 
-SECTIONS = ("", "_cycles", "_surfaces", "_projectors", "_mappings", "_quality", "_display")
+SECTIONS = ("", "_blend", "_surfaces", "_projectors", "_mappings", "_quality", "_display")
 
 
 @pytest.fixture
@@ -48,14 +48,15 @@ def test_the_panel_says_what_the_preview_leaves_out_and_what_is_wrong(camera, ad
         ({"unreachable": 0, "folded": 7}, ["7 samples of the volume are folded"]),
     ):
         monkeypatch.setattr(remap_nodes, "remap_counts", lambda _evaluated, counts=counts: counts)
+        every = texts(drawn(bpy.types.SCFPF_PT_messages))
         for phrase in ("left out", "are folded"):
-            assert (phrase in texts(drawn(section))) == any(phrase in text for text in told)
-        assert all(text in texts(drawn(section)) for text in told)
+            assert (phrase in every) == any(phrase in text for text in told)
+        assert all(text in every for text in told)
     source = addon("scanline.preview.preview_data").previews()[0]
     source.scfpf_preview.problem = "It is broken"
     assert "It is broken" in texts(drawn(section))
     # Nothing shows it here: the viewport can be asked for.
-    assert ("operator", "scfpf.preview_show") in drawn(section)
+    assert ("operator", "scfpf.preview_show") in drawn(bpy.types.SCFPF_PT_messages)
 
 
 def test_tooltips_say_in_what_the_ways_to_a_picture_differ():
@@ -74,7 +75,7 @@ def test_tooltips_say_in_what_the_ways_to_a_picture_differ():
 def test_no_line_is_cut_off_by_the_sidebar(camera, addon):
     base, layout = addon("panels.base"), RecordingLayout()
     base.draw_text(layout, "The rig works only in Cycles: choose it as the Render Engine", "ERROR")
-    lines = [*addon("panels.render_button").ABSENT.values(), *(entry[1] for entry in layout.record)]
+    lines = [*addon("panels.messages").ABSENT.values(), *(entry[1] for entry in layout.record)]
     assert max(map(len, lines)) <= base.LINE + 2
 
 
@@ -99,6 +100,8 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden |= {"report", "statistics", "frame_sizes", "anchor_plan"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends", "blend_field"}
+    # With Developer Extras.
+    hidden |= {"iso_surfaces", "iso_t"}
     hidden |= {"blend_more", "active_blend"}
     hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer", "layer_image"}
     # An operator switches it, which also looks through the camera.
@@ -144,10 +147,60 @@ def test_report_and_picture_are_offered_after_a_render(camera):
         assert "rays" in told and "projector" in told and "memory" in told and "32×18" not in told
 
 
-def test_a_camera_that_has_not_rendered_has_no_statistics(camera):
-    assert not bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+def test_statistics_are_for_developer_extras_after_a_render(camera):
+    view, panel = bpy.context.preferences.view, bpy.types.SCFPF_PT_view_statistics
     camera.scfpf.statistics = "1 rays"
-    assert bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+    assert not panel.poll(bpy.context)
+    view.show_developer_ui = True
+    try:
+        assert panel.poll(bpy.context)
+        camera.scfpf.statistics = ""
+        assert not panel.poll(bpy.context)
+        assert {"iso_surfaces", "iso_t"} <= {
+            entry[2] for entry in drawn(bpy.types.SCFPF_PT_view_display) if entry[0] == "prop"
+        }
+    finally:
+        view.show_developer_ui = False
+
+
+def test_messages_have_a_place_of_one_height_and_a_popover_has_all(camera):
+    """Whatever is wrong, the panel has as many lines: what is below the messages stays where it is."""
+    main, scene = bpy.types.SCFPF_PT_view, bpy.context.scene
+
+    def lines():
+        record = drawn(main)
+        menu = record.index(("menu", "SCFPF_MT_presets"))
+        found = record[menu + 1 :]
+        # A button and the popover share a row.
+        return len(found) - (len(found) == 4)
+
+    assert lines() == 3 and "Straight so far" in texts(drawn(main))
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    assert lines() == 3 and "Straight so far" not in texts(drawn(main))
+    scene.render.resolution_x = 500
+    assert lines() == 3 and ("operator", "scfpf.volume_fit_picture") in drawn(main)
+    bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
+    assert lines() == 3 and "deleted" in texts(drawn(main))
+    assert ("popover", "SCFPF_PT_messages") in drawn(main)
+    every = drawn(bpy.types.SCFPF_PT_messages)
+    assert ("operator", "scfpf.volume_fit_picture") in every and "deleted" in texts(every)
+
+
+def test_a_hint_goes_when_it_is_not_true(camera):
+    """A view of Aim or a layer makes the picture another one, as a surface does."""
+    for kind in ("aim_targets", "layers", "mappings"):
+        items = getattr(camera.scfpf, kind)
+        assert "Straight so far" in texts(drawn(bpy.types.SCFPF_PT_view))
+        items.add()
+        assert "Straight so far" not in texts(drawn(bpy.types.SCFPF_PT_view)), kind
+        items.clear()
+
+
+def test_the_menu_of_surfaces_has_four_kinds_and_the_rest_under_more(addon, camera):
+    first = drawn(bpy.types.SCFPF_MT_surface_add)
+    more = drawn(bpy.types.SCFPF_MT_surface_add_more)
+    assert first == [("operator", "scfpf.surface_add")] * 4 + [("menu", "SCFPF_MT_surface_add_more")]
+    assert len(more) == len(addon("bridge.surfaces.kinds").BLENDER_KINDS) - 4
 
 
 def test_the_tab_of_the_sidebar_says_flexible():
@@ -177,9 +230,9 @@ def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
 def test_what_is_missing_is_said(camera):
     main = bpy.types.SCFPF_PT_view
     bpy.context.scene.render.engine = "SCFPF"
-    assert texts(drawn(main)).startswith(f"{camera.name} In Viewports With F12 Straight so far.")
+    assert texts(drawn(main)).startswith(f"{camera.name} In Viewports With F12 Straight so far:")
     bpy.ops.scfpf.surface_add(kind="PLANE")
-    assert texts(drawn(main)) == f"{camera.name} In Viewports With F12"
+    assert texts(drawn(main)).startswith(f"{camera.name} In Viewports With F12 Ready:")
     bpy.ops.scfpf.surface_remove()
     camera.scfpf.active_surface = 0
     bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
@@ -309,18 +362,21 @@ def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
 @pytest.mark.usefixtures("built_groups")
 def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon, camera):
     section = bpy.types.SCFPF_PT_view_cycles
-    told = texts(drawn(section))
-    assert "chord" not in told and "Working out" in told
     bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
     bpy.context.view_layer.update()
+    assert not section.poll(bpy.context), "the button Cycles is its only place before"
     prices, depsgraph = addon("cycles.prices"), bpy.context.evaluated_depsgraph_get()
-    assert prices.price(camera, bpy.context.scene) is None, "drawing a panel works nothing out"
     known = prices.compute(camera, bpy.context.scene, depsgraph)
-    before = [entry[1] for entry in drawn(section) if entry[0] == "label"]
-    assert any("vertices, about" in line for line in before)
     bpy.ops.scfpf.cycles_rig()
+    assert section.poll(bpy.context)
     told = texts(drawn(section))
-    assert " chords, off by 0.0" in told and "× an ordinary camera" in told
+    assert "chord" not in told and "portals" not in told and "× an ordinary camera" in told
+    view = bpy.context.preferences.view
+    view.show_developer_ui = True
+    try:
+        assert " chords, off by 0.0" in texts(drawn(section))
+    finally:
+        view.show_developer_ui = False
     # The price that is shown before is that of the rig.
     rig = addon("cycles.rig_data").rig_of(bpy.context.scene)
     there = addon("cycles.chord_planning").price_of_rig(rig)
@@ -334,8 +390,8 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon,
 
 
 def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
-    main = getattr(bpy.types, f"SCFPF_PT_data{SECTIONS[0]}")
-    assert not any("blend" in str(entry) for entry in drawn(main))
+    main = bpy.types.SCFPF_PT_data_blend
+    assert drawn(main) == [("operator", "scfpf.camera_blend"), ("menu", "SCFPF_MT_blend_presets")]
     assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
     record = drawn(main)
     shown = [entry[2] for entry in record if entry[0] == "prop"]
@@ -350,7 +406,7 @@ def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
 
 
 def test_a_blend_shows_the_settings_of_its_map(camera):
-    main = getattr(bpy.types, f"SCFPF_PT_data{SECTIONS[0]}")
+    main = bpy.types.SCFPF_PT_data_blend
     assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
     field = bpy.context.object.scfpf.blend_field
     wanted = {

@@ -44,7 +44,7 @@ def test_surface_of_every_kind_goes_between_its_neighbours(addon, kind):
 def test_surface_that_a_menu_adds_is_selected_as_blenders_add_does(addon):
     add_cube()
     camera = add_camera()
-    record = drawn(bpy.types.SCFPF_MT_surface_add)
+    record = drawn(bpy.types.SCFPF_MT_surface_add) + drawn(bpy.types.SCFPF_MT_surface_add_more)
     assert len([entry for entry in record if entry == ("operator", "scfpf.surface_add")]) > 10
     assert bpy.ops.scfpf.surface_add(kind="PLANE", select=True) == {"FINISHED"}
     added = camera.scfpf.surfaces[1].object

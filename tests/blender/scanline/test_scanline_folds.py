@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from made_cameras import FOLDER
 from mathutils import Matrix
-from recorded_layout import RecordingLayout
 
 pytestmark = pytest.mark.usefixtures("built_groups")
 
@@ -83,7 +82,7 @@ def test_faces_that_no_ray_reaches_wholly_are_counted(addon, flexible, camera, s
     # A corner within float32 of the crease may count either way.
     assert abs(counts["unreachable"] - expected) <= 1
     assert counts["folded"] > 100
-    shown = addon("panels.ways").reported(counts)
+    shown = addon("panels.messages").reported(counts)
     assert any(text.startswith(f"{counts['unreachable']:,} faces") for text in shown)
 
 
@@ -105,11 +104,8 @@ def test_a_flat_volume_shows_nothing_and_says_so(addon, flexible, camera, switch
         return data.is_flat(source, depsgraph), sum(len(picture.data.polygons) for picture in pictures)
 
     assert state() == (True, 0)
-    layout = RecordingLayout()
-    addon("panels.ways").draw_ways(layout, bpy.context, camera)
-    assert addon("operators.camera.preview").FLAT in " ".join(
-        one[1] for one in layout.record if one[0] == "label"
-    )
+    told = [one.text for one in addon("panels.messages").messages(bpy.context, camera)]
+    assert told[0] == addon("operators.camera.preview").FLAT
     load = addon("projection.presets.preset").load_preset
     flexible.apply_preset(camera, load((FOLDER / "epi.json").read_text(encoding="utf-8")), ASPECT)
     assert state() == (True, 0)

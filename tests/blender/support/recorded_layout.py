@@ -56,6 +56,10 @@ class RecordingLayout:
     def label(self, text="", **_options):
         self.record.append(("label", text))
 
+    def popover(self, panel, text="", **_options):
+        assert hasattr(bpy.types, panel), panel
+        self.record.append(("popover", panel))
+
     def progress(self, factor, text):
         assert 0 <= factor <= 1
         self.record.append(("progress", text))
