@@ -6,6 +6,8 @@ import math
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
+from ...scfpf_addon.bridge.live.seen_depth import median_depth
 from ...scfpf_addon.bridge.surfaces.surface_object import surface_parameters
 from ...scfpf_addon.projection.surfaces.kinds import PARAMETRIC_KINDS, Space
 from ..common.scene_box import SceneBox, box_of, corners_of
@@ -15,6 +17,8 @@ NEW_ARC = math.radians(90)
 # Neighbours at least this deep for their width count as round: the new surface is concentric with them.
 ROUND_DEPTH = 0.25
 GRID_POINTS = 4
+# Shares of the way between two surfaces: the middle, and the least distance from either.
+HALF, LEAST_SHARE = 0.5, 0.02
 # Half the depth of a lattice that is a camera's first surface, in Blender units, and its axis.
 NEW_DEPTH, FORWARDS = 4.0, np.array([0.0, 0.0, 1.0])
 
@@ -22,8 +26,9 @@ NEW_DEPTH, FORWARDS = 4.0, np.array([0.0, 0.0, 1.0])
 def surface_place(camera, depsgraph, kind: str, index: int):
     """Matrix (camera space), parameters and points of a new surface at ``index`` of the list.
 
-    Between two surfaces it lies half-way and has their mean size; at an end it continues the step between the
-    last two. Parameters or points are None where the kind has none.
+    Between the two surfaces of a volume it lies where most things in the image are, between others half-way;
+    at an end it continues the step between the last two. Parameters or points are None where the kind has
+    none.
     """
     slots = [slot.object for slot in camera.scfpf.surfaces]
     present = [obj if obj is not None and obj.name in depsgraph.scene.objects else None for obj in slots]
@@ -39,24 +44,38 @@ def surface_place(camera, depsgraph, kind: str, index: int):
     if kind == "LATTICE":
         box = _room(boxes, index)
         return Matrix.Translation(Vector(box.centre)) @ Matrix.Diagonal((*box.size, 1.0)), None, None
-    box = _between(boxes, index)
+    share = _share_of_things(camera, depsgraph) if index == 1 and len(slots) == 2 else HALF
+    box = _between(boxes, index, share)
     if before is not None and before.scfpf_surface.kind == kind and kind in PARAMETRIC_KINDS:
         matrix = to_camera @ before.matrix_world
         shift = box.centre - boxes[index - 1].centre
         return (
             Matrix.Translation(Vector(shift)) @ matrix,
-            _mean_parameters(before, after, depsgraph),
+            _mean_parameters(before, after, depsgraph, share),
             None,
         )
     return _fill(kind, box)
 
 
-def _between(boxes, index: int) -> SceneBox:
-    """The box of a surface at ``index``: the mean of its neighbours, or the continuation of the last two."""
+def _share_of_things(camera, depsgraph) -> float:
+    """The share of the way between the two surfaces of a volume at which most things in the image are."""
+    try:
+        found = median_depth(camera, depsgraph)
+    except USER_ERRORS:
+        return HALF  # The image shows nothing of such a volume or scene.
+    return HALF if found is None else min(max(found, LEAST_SHARE), 1.0 - LEAST_SHARE)
+
+
+def _between(boxes, index: int, share: float = HALF) -> SceneBox:
+    """The box of a surface at ``index``: between its neighbours, or the continuation of the last two.
+
+    share: of the way from the neighbour before to the one after.
+    """
     before = boxes[index - 1] if index > 0 else None
     after = boxes[index] if index < len(boxes) else None
     if before is not None and after is not None:
-        return SceneBox((before.low + after.low) / 2, (before.high + after.high) / 2)
+        ends = (before.low, after.low), (before.high, after.high)
+        return SceneBox(*((1.0 - share) * start + share * end for start, end in ends))
     if before is None and after is None:
         return SceneBox(np.array([-1.0, -1.0, -5.0]), np.array([1.0, 1.0, -5.0]))
     known, step = (before, -1) if before is not None else (after, 1)
@@ -88,12 +107,12 @@ def _room(boxes, index: int) -> SceneBox:
     return SceneBox(middle.centre - half, middle.centre + half)
 
 
-def _mean_parameters(before, after, depsgraph) -> dict:
-    """The parameters of one surface, or their means with a following surface of the same kind."""
+def _mean_parameters(before, after, depsgraph, share: float) -> dict:
+    """The parameters of one surface, or those on the way to a following surface of the same kind."""
     parameters = surface_parameters(before.evaluated_get(depsgraph))
     if after is not None and after.scfpf_surface.kind == before.scfpf_surface.kind:
         others = surface_parameters(after.evaluated_get(depsgraph))
-        return {name: (value + others[name]) / 2 for name, value in parameters.items()}
+        return {name: (1.0 - share) * value + share * others[name] for name, value in parameters.items()}
     return parameters
 
 

@@ -26,7 +26,8 @@ from .surface_placement import surface_place
 
 
 class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
-    """Add a control surface after the active one, halfway to the next"""
+    """Add a control surface after the active one: between two where the things in the picture are, else
+    halfway to the next"""
 
     bl_idname = "scfpf.surface_add"
     bl_label = "Add Control Surface"
