@@ -16,7 +16,7 @@ from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.projection.volume.inverse import find_in_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
-from ..common.target import selected_objects
+from ..common.target import active_object, selected_objects
 from ..common.tool import STEPS
 from ..common.words import report_text
 from ..image.preparation import prepared_inputs
@@ -57,7 +57,9 @@ def collection_of(context, objects: list):
     for collection in objects[0].users_collection:
         if set(collection.all_objects) == wanted:
             return collection
-    made = bpy.data.collections.new(objects[0].name)
+    first = active_object(context) if active_object(context) in wanted else objects[0]
+    name = first.name if len(objects) == 1 else report_text("{0} and {1} More", first.name, len(objects) - 1)
+    made = bpy.data.collections.new(name)
     context.scene.collection.children.link(made)
     for obj in objects:
         made.objects.link(obj)

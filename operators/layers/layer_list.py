@@ -8,6 +8,7 @@ from bpy.props import EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.blender.slot_animation import LAYERS, move_slot, remove_slot
 from ...scfpf_addon.bridge.layers.layer_edits import add_layer
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.settings.layer_properties import FRONTS
 from ...scfpf_addon.projection.user_error import UserError
 from ..aim.aim_camera import AimAction, camera_name, chosen, thing_name
@@ -68,7 +69,8 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
         objects = selected_things(context)
         if collection is None and not objects:
             raise UserError("Select the objects that the layer is to show")
-        layer = add_layer(camera, collection or collection_of(context, objects), eye)
+        shown = collection or collection_of(context, objects)
+        layer = add_layer(camera, shown, image_aspect(context.scene), eye)
         layer.front = self.front
         return report_text("Move '{0}' to where the layer is to be seen from", layer.camera.name)
 

@@ -110,7 +110,7 @@ def write_volume(camera, start: Patches, solved: Patches) -> None:
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     if start_of(camera) is None or not _has_room(camera, solved):
         last = len(solved) - 1
-        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
+        names = ["Near" if k == 0 else "Far" if k == last else f"Surface {k + 1}" for k in range(last + 1)]
         names = [f"{camera.name} {name}" for name in names]
         replace_surfaces(
             camera,

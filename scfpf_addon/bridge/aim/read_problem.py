@@ -76,13 +76,16 @@ class AimInputs:
 
     start: the patches of the volume before the first solution. present: the projection as it is. error: by
     how many pixels the start differs from a volume that it replaces. inward: (4, 4), to camera space.
+    background: what stays around the targets, None if anything may move. locked: the regions of stays, by
+    their places in the list.
     """
 
     arrays: SceneArrays
     targets: Targets
     start: Patches
     present: Projection
-    stays: tuple[AimStays, ...]
+    background: AimStays | None
+    locked: dict[int, AimStays]
     error: float
     inward: Array
     width: int
@@ -95,12 +98,13 @@ class AimInputs:
     def problem(self) -> AimProblem:
         """The problem of the solver."""
         targets = self.targets
+        stays = (*(() if self.background is None else (self.background,)), *self.locked.values())
         return AimProblem(
             patches=self.start,
             width=self.width,
             aspect=self.present.aspect,
             pins=targets.pins,
-            stays=self.stays,
+            stays=tuple(stay for stay in stays if (stay.weights > 0.0).any()),
             lines=targets.lines,
             first_hits=HitFinder(self.arrays.scene, targets.wanted),
         )
@@ -222,8 +226,11 @@ def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
         subject, far = _depths(present, targets, arrays.scene)
         start, error = new_start(present, width, settings, subject, far)
     before = projection_of(start, aspect)
-    stays = _stays(camera, before, arrays, targets, width)
-    return AimInputs(arrays, targets, start, present, stays, error, inward, width)
+    pins, background = targets.pins, None
+    if not targets.alone:
+        background = find_stays(before, arrays.scene, pins, targets.halos, targets.wanted, width)
+    locked = _locked(camera, before, arrays, targets, width)
+    return AimInputs(arrays, targets, start, present, background, locked, error, inward, width)
 
 
 def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[float | None, float]:
@@ -246,13 +253,13 @@ def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[flo
     return subject, min(far, 1.0) if far > 0.0 else 1.0
 
 
-def _stays(
+def _locked(
     camera, before: Projection, arrays: SceneArrays, targets: Targets, width: int
-) -> tuple[AimStays, ...]:
-    """The background that stays, and the locked regions."""
-    pins, halos, wanted = targets.pins, targets.halos, targets.wanted
-    parts = [] if targets.alone else [find_stays(before, arrays.scene, pins, halos, wanted, width)]
-    for target in camera.scfpf.aim_targets:
+) -> dict[int, AimStays]:
+    """The regions of the stays that are in use, by their places in the list."""
+    pins, wanted = targets.pins, targets.wanted
+    found_by: dict[int, AimStays] = {}
+    for number, target in enumerate(camera.scfpf.aim_targets):
         if target.kind != STAY or not target.is_on:
             continue
         free, objects = wanted, target_objects(target)
@@ -267,8 +274,8 @@ def _stays(
         if target.mask is not None:
             places = np.stack(np.meshgrid(found.x, found.y, indexing="ij")).reshape(2, -1)
             weights = weights * _mask_values(target.mask, places).reshape(weights.shape)
-        parts.append(replace(found, weights=weights))
-    return tuple(part for part in parts if (part.weights > 0.0).any())
+        found_by[number] = replace(found, weights=weights)
+    return found_by
 
 
 def _mask_values(image, positions: Array) -> Array:

@@ -16,8 +16,8 @@ from .read_problem import AimInputs
 class Solution:
     """A solution and its judgement, beside that of the image before.
 
-    spreads: of the things of views, by their places in the list. background: None where it may go anywhere or
-    is not seen. is_late: whether the time was over before all was tried.
+    spreads: of the things of views and of stays, by their places in the list. background: None where it may
+    go anywhere or is not seen. is_late: whether the time was over before all was tried.
     """
 
     inputs: AimInputs

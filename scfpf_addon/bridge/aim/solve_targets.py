@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ...aim.detours import free_pins
 from ...aim.judge import COLUMNS, Judge, Judgement
 from ...aim.released import Released
@@ -65,6 +67,12 @@ def _surveyed(inputs: AimInputs, judge: Judge, found: Round, old: Judgement, is_
     for number, view in inputs.targets.views.items():
         points = view.seen.points
         spread = spread_of(judge, after, points, view.map.positions(points))
+        if spread is not None:
+            spreads[number] = spread
+    for number, stay in inputs.locked.items():
+        held = stay.weights > 0.0
+        positions = np.stack(np.meshgrid(stay.x, stay.y, indexing="ij"))[:, held]
+        spread = spread_of(judge, after, stay.points[:, held], positions)
         if spread is not None:
             spreads[number] = spread
     alone = inputs.targets.alone

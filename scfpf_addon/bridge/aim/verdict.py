@@ -112,14 +112,15 @@ def store_verdict(camera, solution: Solution) -> str:
     aim, targets = camera.scfpf.aim, inputs.targets
     for number, target in enumerate(camera.scfpf.aim_targets):
         own = np.flatnonzero(targets.owners == number)
-        target.whole_95 = target.whole_max = -1.0
+        _store_spread(target, "whole", solution.spreads.get(number))
         if len(own):
-            _store_spread(target, "whole", solution.spreads.get(number))
             _store_target(target, number, inputs, found, own)
         else:
             target.residual_median = target.residual_max = -1.0
             target.hidden, target.hidden_by, target.message = 0.0, "", ""
             target.free_turn = 0.0, 0.0
+            if target.whole_95 >= 0.0:
+                target.message = translated_report(_spread_text(target.whole_95, target.whole_max))
     aim.mirrored, aim.folds = found.mirrored, found.folded
     aim.background_median = min(found.background_median, LARGEST) if len(found.moved) else -1.0
     _store_spread(aim, "background", solution.background)

@@ -72,7 +72,7 @@ def set_blend(camera, blend: Blend, aspect: float) -> None:
         _write_shapes(camera, blend)
     else:
         last = len(blend.layers) - 1
-        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
+        names = ["Near" if k == 0 else "Far" if k == last else f"Surface {k + 1}" for k in range(last + 1)]
         chart = None if blend.mesh is None else _chart(blend.mesh)
         replace_surfaces(
             camera,

@@ -61,7 +61,7 @@ def _surfaces(camera, depsgraph, projection: Projection, inward) -> tuple:
         # Lattices consist of several layers.
         weights = volume.weights or [1.0] * len(volume.surfaces)
         return tuple(
-            stored_surface(f"Layer {number}", surface, weight)
+            stored_surface(f"Surface {number}", surface, weight)
             for number, (surface, weight) in enumerate(zip(volume.surfaces, weights, strict=True), 1)
         )
     evaluated = camera.evaluated_get(depsgraph).scfpf.surfaces

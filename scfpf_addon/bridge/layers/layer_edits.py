@@ -9,11 +9,12 @@ from ..blender.scene_objects import link_beside
 from .layer_colors import color_layers
 
 
-def add_layer(camera, collection, eye=None):
+def add_layer(camera, collection, aspect: float, eye=None):
     """Append a layer that shows a collection to a camera's list, and make it active. Returns the layer.
 
-    eye: the camera that sees the collection; by default a new ordinary one in the place of ``camera``, which
-    the artist then moves.
+    aspect: of the camera's image. eye: the camera that sees the collection; by default a new ordinary one in
+    the place of ``camera``, which the artist then moves. The layer has the shape that the volume of a
+    flexible eye was made for, as large as the image holds.
     """
     settings = camera.scfpf
     taken = {layer.name for layer in settings.layers}
@@ -21,6 +22,9 @@ def add_layer(camera, collection, eye=None):
     layer = settings.layers.add()
     layer.name = next(free for free in names if free not in taken)
     layer.collection, layer.camera = collection, eye or _new_eye(camera, layer.name)
+    if layer.camera.scfpf.enabled and layer.camera.scfpf.fit != "NONE":
+        wide = layer.camera.scfpf.fitted_aspect / aspect
+        layer.size = min(wide, 1.0), min(1.0 / wide, 1.0)
     color_layers(settings.layers)
     settings.active_layer = len(settings.layers) - 1
     return layer

@@ -279,7 +279,7 @@ def test_a_first_drag_that_is_taken_leaves_its_surfaces_only(addon):
     assert bpy.ops.scfpf.aim_drag(shift=(0.02, 0.0)) == {"FINISHED"}
     bpy.context.view_layer.update()
     assert {obj.name for obj in bpy.data.objects if obj.type == "CAMERA"} == cameras
-    names = [f"{camera.name} {part}" for part in ("Near", "Layer 2", "Far")]
+    names = [f"{camera.name} {part}" for part in ("Near", "Surface 2", "Far")]
     assert [slot.object.name for slot in camera.scfpf.surfaces] == names
     made = {obj.name for obj in bpy.data.objects if obj.scfpf_surface.kind != "NONE"}
     assert made == set(names)

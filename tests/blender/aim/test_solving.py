@@ -344,6 +344,10 @@ def test_a_locked_region_stays_where_it_was(scene, places, kind):
     camera.scfpf.aim_targets[1].is_on = False
     assert solve(camera) == {"FINISHED"}
     free = np.abs(places(camera, corner) - before).max()
+    assert camera.scfpf.aim_targets[1].whole_95 == -1.0
     camera.scfpf.aim_targets[1].is_on = True
     assert solve(camera) == {"FINISHED"}
-    assert np.abs(places(camera, corner) - before).max() < min(3.0, free / 2)
+    moved = np.abs(places(camera, corner) - before).max()
+    assert moved < min(3.0, free / 2)
+    stay = camera.scfpf.aim_targets[1]
+    assert 0.0 <= stay.whole_95 <= stay.whole_max < 10.0 and "95 % within" in stay.message

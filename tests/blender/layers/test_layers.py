@@ -455,3 +455,17 @@ def test_a_picture_shows_which_layer_each_pixel_belongs_to(scene, tmp_path):
     assert {image.name for image in bpy.data.images} == before
     check()
     assert bpy.ops.scfpf.layer_image_show.poll()
+
+
+@pytest.mark.parametrize(("width", "height", "size"), [(800, 400, (0.5, 1.0)), (400, 800, (1.0, 0.5))])
+def test_a_new_layer_has_the_shape_that_its_cameras_preset_was_made_for(scene, width, height, size):
+    """A square preset is half as wide as a picture of two squares side by side, or half as high."""
+    render = scene.render
+    side = bpy.data.objects["Side"]
+    bpy.context.view_layer.objects.active = side
+    render.resolution_x = render.resolution_y = 400
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    assert side.scfpf.fitted_aspect == pytest.approx(1.0) and side.scfpf.fit != "NONE"
+    render.resolution_x, render.resolution_y = width, height
+    assert bpy.ops.scfpf.layer_add(camera="Master", collection="Things", seen_by="Side") == {"FINISHED"}
+    assert tuple(bpy.data.objects["Master"].scfpf.layers[0].size) == pytest.approx(size)
