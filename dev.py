@@ -42,6 +42,7 @@ BENCHMARKS = {
     "layers": ("street/layer_cost",),
     "soak": ("soak",),
     "scale": ("scale",),
+    "anchors": ("street/anchored",),
     "counts": ("counts",),
 }
 

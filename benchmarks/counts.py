@@ -3,10 +3,11 @@
 
     python3 dev.py bench --counts [--write]
 
-Rays, chords, exact tests and the like of small images, the chords that each preset needs in Cycles, and the
-portals that its rays pass on the demo's street (``street/portals_passed.py``).
-Compared with those in counts.json, beside this file, as the tests do; --write puts today's there. A count
-that rises is a slower renderer; commit the file together with what changed it, and say why.
+Rays, chords, exact tests and the like of small images, the chords that each preset needs in Cycles, anchors
+of other engines' pictures, and the portals that its rays pass on the demo's street
+(``street/portals_passed.py``). Compared with those in counts.json, beside this file, as the tests do; --write
+puts today's there. A count that rises is a slower renderer; commit the file together with what changed it,
+and say why.
 """
 
 from __future__ import annotations
@@ -19,8 +20,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import numpy as np
+
 from benchmarks.run import lit
 from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.anchors.anchor_view import traced_views
+from scfpf_addon.anchors.completion import completed
+from scfpf_addon.anchors.plan import plan_anchors
+from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.casting.common.hits import CastCounts
 from scfpf_addon.casting.frame import cast_frame
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -40,6 +47,8 @@ FRAME_SIZE = (96, 54)
 # Degree and bend in degrees; in pixels, 0 exact.
 BENDS = ((1, 0), (2, 10), (2, 60), (3, 180))
 PIXEL_ERRORS = (0.1, 0.0)
+# Degree and bend of the volumes whose anchors are counted.
+ANCHORED = ((2, 10), (2, 60))
 # Of the image that a preset's chords in Cycles are counted for.
 CYCLES_SIZE, CYCLES_ERROR = (960, 540), 0.25
 
@@ -88,9 +97,27 @@ def of_presets() -> Counts:
     return found
 
 
+def of_anchors() -> Counts:
+    """Anchors of bent volumes, those that the first plan lacked, and their pixels."""
+    found: Counts = {}
+    for name, make in SCENES.items():
+        scene = SeenScene(CastScene(*make(TRIANGLES)))
+        for degree, angle in ANCHORED:
+            projection = bent_projection(degree, math.radians(angle))
+            plan = plan_anchors([scene], [projection], SIZE, np.eye(3))
+            done = completed(scene, projection, SIZE, traced_views(scene, plan.anchors))
+            used = (*done.own.first, *done.own.rest)
+            found[f"{name}, {angle}°, anchors"] = {
+                "anchors": len(used),
+                "added": len(done.added),
+                "pixels": sum(done.views[number].anchor.count for number in used),
+            }
+    return found
+
+
 def counted() -> Counts:
     """All counts."""
-    return of_casts() | of_frames() | of_presets()
+    return of_casts() | of_frames() | of_presets() | of_anchors()
 
 
 def kept(street: bool = False) -> Counts:

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures by ordinary engines through anchors, beside ordinary cameras and beside what projectors meet."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import bpy
 import numpy as np
 import pytest
 from file_state import differences, file_state
-from layer_scenes import flexible
+from layer_scenes import add, collected, flexible, looking, new_camera, select_only
+from quick_solves import quicken
 
 WIDTH, HEIGHT = 64, 36
 
@@ -334,3 +336,86 @@ def test_a_kept_plan_is_used_as_long_as_it_fits(scene, jobs, addon, monkeypatch)
 @pytest.mark.parametrize("text", ["", "{", "[]", "[1,2,3,4,5,6]", '[1,"",[1,1],1,true,[[[],[],[],[],0]]]'])
 def test_a_damaged_plan_is_none(addon, text):
     assert addon("anchors.kept_plan").KeptPlan.read(text) is None
+
+
+def mapped(addon, camera):
+    for kind in ("RADIAL_CURVE", "LENS"):
+        assert bpy.ops.scfpf.mapping_add(kind=kind) == {"FINISHED"}
+    return camera
+
+
+def polar(addon, camera):
+    camera.scfpf.reparameterisation = "POLAR"
+    return camera
+
+
+def blended(addon, camera):
+    assert bpy.ops.scfpf.camera_blend_preset(preset="curved_convergence") == {"FINISHED"}
+    return bpy.context.object
+
+
+def aimed(addon, camera):
+    """One of the cubes is seen from farther to its left."""
+    camera.scfpf.aim.columns, camera.scfpf.aim.rows, camera.scfpf.aim.degree = 8, 6, 2
+    assert bpy.ops.scfpf.aim_view_add(camera=camera.name, object="Cube.001") == {"FINISHED"}
+    assert bpy.ops.scfpf.aim_turn(camera=camera.name, left=0.2) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.aim_solve(camera=camera.name) == {"FINISHED"}
+    assert camera.scfpf.aim.is_solved
+    return camera
+
+
+def from_screen(addon, camera):
+    """An eye before a window in the room, which renders do not show."""
+    bpy.ops.mesh.primitive_plane_add(size=1.2, location=(0, 0, -0.6))
+    screen = bpy.context.object
+    screen.name = "Screen"
+    bpy.ops.object.empty_add(location=(0.1, 0.0, 0.0))
+    eye = bpy.context.object
+    screen.select_set(True)
+    bpy.context.view_layer.objects.active = screen
+    assert eye.select_get() and bpy.ops.scfpf.camera_from_screen(pop_out=False) == {"FINISHED"}
+    screen.hide_render = True
+    return bpy.context.object
+
+
+@pytest.mark.parametrize("kind", [mapped, polar, blended, aimed, from_screen])
+def test_every_kind_of_volume_is_joined(scene, jobs, addon, monkeypatch, kind):
+    """Colours are positions: those of the engine's Position pass, within half a pixel but at edges."""
+    quicken(addon, monkeypatch)
+    flexible(scene.camera, "angular_fisheye" if kind is polar else "perspective")
+    scene.camera.scfpf.samples = 1
+    camera = kind(addon, scene.camera)
+    scene.camera = camera
+    camera.scfpf.samples = 1
+    bpy.context.view_layer.update()
+    jobs.render_anchors(bpy.context, camera)
+    found = (result()[..., :3] - 0.5) * 16
+    inputs = addon("bridge.render.render_inputs")
+    reading = addon("bridge.scene.render_depsgraph").with_render_depsgraph
+    seen = reading(
+        scene,
+        bpy.context.view_layer,
+        lambda depsgraph: inputs.read_inputs(depsgraph, camera, (WIDTH, HEIGHT), passes=("POSITION",)),
+    )
+    frame = addon("shading.frame").render_frame(
+        seen.projection, seen.scene, replace(seen.settings, samples=1)
+    )
+    wanted = np.array(frame.passes["POSITION"], np.float64)[..., :3]
+    wanted[np.abs(wanted).max(axis=2) == 0.0] = np.nan
+    inner = ~edges(wanted)
+    size = sum(np.linalg.norm(np.gradient(wanted, axis=axis), axis=2) for axis in (0, 1))
+    off = np.linalg.norm(found - wanted, axis=2) / np.maximum(size, 1e-6)
+    assert inner.mean() > 0.1
+    assert (off[inner] < 0.5).mean() > 0.98
+
+
+def test_layers_are_refused_before_anything_is_rendered(scene, jobs, addon):
+    flexible(scene.camera, "perspective")
+    side = new_camera("Side", looking((3, 0, 3)))
+    flexible(side)
+    collected("Things", "Cube.001")
+    select_only(scene.camera)
+    add(front="DEPTH")
+    with pytest.raises(addon("projection.user_error").UserError, match="Layers are not joined"):
+        jobs.render_anchors(bpy.context, scene.camera)

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Anchors of presets on the demo's street: how many, how long, and how exact; whole pictures by EEVEE.
+
+    python3 dev.py bench --anchors [--only PRESET …] [--width PIXELS] [--whole]
+
+For each preset: anchors of the first plan and further ones, their pixels as a multiple of the picture's,
+processor seconds of planning (with the further ones) and of the look-up of a million points, the share of
+points on things that no anchor shows, and the share of joined positions within half a pixel of the
+Position pass, by one sample in each pixel's centre. The anchors' pictures are positions, as the caster finds
+them.
+
+--whole renders each preset by EEVEE with 4 samples as well, and an ordinary camera's picture of the same
+size in the same place.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from pathlib import Path
+from time import perf_counter, process_time
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from demo import render_demo
+from demo.recipes.scenes import land
+from demo.render_thumbnails import LAND, OWN, USUAL
+
+PRESETS = Path(__file__).resolve().parents[2] / "presets"
+WIDTH = 640
+# Wider than high by so much, if a preset is no square one.
+WIDE = {"around_the_car": 3.0}
+SAMPLES = 4
+# The bars: a second of two cores.
+MOST_HOLES, LEAST_WITHIN, MOST_SECONDS = 5e-4, 0.995, 2.0
+
+
+def room(name: str):
+    """A module of the add-on as Blender has loaded it."""
+    return importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.{name}")
+
+
+def shot(scene, path: Path, width: int):
+    """A preset's camera in a copy of the scene, with an image of a width."""
+    import bpy
+
+    own = LAND.get(path.stem) or OWN.get(path.stem, USUAL)
+    copy = render_demo.another_scene(scene)
+    camera = render_demo.add_shot(copy, path.read_text(encoding="utf-8"), own)
+    aspect = WIDE.get(path.stem, own.size[0] / own.size[1])
+    copy.render.resolution_x, copy.render.resolution_y = width, round(width / aspect)
+    bpy.context.window.scene = copy
+    bpy.context.view_layer.update()
+    return copy, camera
+
+
+def geometry(depsgraph):
+    """What the street has that cameras see."""
+    there = room("bridge.scene.read_scene").read_scene(depsgraph).geometry
+    scene = room("casting.scene.cast_scene").CastScene(there.vertices, there.triangles)
+    return room("anchors.seen_scene").SeenScene(scene)
+
+
+def positions(views) -> list[np.ndarray]:
+    """Pictures (H, W, 4) whose colours are what the pixels' centres of anchors meet."""
+    made = []
+    for view in views:
+        height, width = view.depth.shape
+        column, row = np.tile(np.arange(width), height), np.repeat(np.arange(height), width)
+        begin, way = view.anchor.rays(column, row)
+        far = np.where(np.isfinite(view.depth), view.depth, 0.0).ravel() - view.anchor.start
+        found = np.ones((height * width, 4), np.float32)
+        found[:, :3] = (begin + way * far).T
+        made.append(found.reshape(height, width, 4))
+    return made
+
+
+def looked_up(seen, projection, size, views) -> tuple[float, float, float]:
+    """Processor seconds of a million points, the share of holes, and of positions within half a pixel."""
+    tiles, joining = room("casting.tiles"), room("anchors.join")
+    shown, own = room("anchors.shown_points").shown_points, room("anchors.anchor_view").ViewSet
+    width, height = size
+    every, angle, pictures = (
+        own(tuple(range(len(views)))),
+        room("anchors.plan").PlanLimits().angle,
+        positions(views),
+    )
+    points = {}
+
+    def cast(job):
+        rows = np.arange(job.rows.start, job.rows.stop)
+        x, y = np.tile((np.arange(width) + 0.5) / width, len(rows)), np.repeat((rows + 0.5) / height, width)
+        found = shown(seen, projection, x, y, (1.0 / width, 1.0 / height))
+        return found.take(np.flatnonzero(found.is_hit))
+
+    def join(job):
+        return joining.join(points[job.rows.start], views, [every], pictures, angle)
+
+    bands = tiles.image_tiles(width, height)
+    tiles.run_tiles(cast, bands, 0, lambda rows, found: points.update({rows.start: found}))
+    joined = {}
+    begun = process_time()
+    tiles.run_tiles(join, bands, 0, lambda rows, found: joined.update({rows.start: found}))
+    seconds = process_time() - begun
+    count = holes = within = 0
+    for start, (color, is_hole) in joined.items():
+        own = points[start]
+        off = color[:, :3].T - own.position
+        off -= own.direction * np.einsum("cn,cn->n", off, own.direction)
+        near = np.linalg.norm(off, axis=0) < 0.5 * own.length
+        count, holes, within = count + len(near), holes + is_hole.sum(), within + (near & ~is_hole).sum()
+    count = max(count, 1)
+    return seconds * 1e6 / count, float(holes / count), float(within / max(count - holes, 1))
+
+
+def rendered(scene, camera) -> tuple[float, float]:
+    """Seconds of the joined picture by EEVEE, and of an ordinary one in its place."""
+    import bpy
+
+    renderer = room("bridge.blender.versions").EEVEE
+    scene.render.engine, camera.scfpf.samples = renderer, SAMPLES
+    scene.eevee.taa_render_samples = SAMPLES
+    with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        begun = perf_counter()
+        room("engines.anchors_job").render_anchors(bpy.context, camera)
+        joined = perf_counter() - begun
+        begun = perf_counter()
+        bpy.ops.render.render(scene=scene.name)
+        return joined, perf_counter() - begun
+
+
+def measured(path: Path, street, width: int, whole: bool) -> str:
+    """A line of the table, with * at what misses its bar."""
+    scene, camera = shot(street, path, width)
+    size = scene.render.resolution_x, scene.render.resolution_y
+
+    def read(depsgraph):
+        reading = room("bridge.camera.read_projection")
+        return geometry(depsgraph), reading.read_projection(camera, depsgraph, size[0] / size[1])
+
+    reading = room("bridge.scene.render_depsgraph")
+    seen, projection = reading.with_render_depsgraph(scene, scene.view_layers[0], read)
+    axes = np.array(camera.matrix_world.to_3x3().normalized())
+    begun = process_time()
+    plan = room("anchors.plan").plan_anchors([seen], [projection], size, axes)
+    views = room("anchors.anchor_view").traced_views(seen, plan.anchors)
+    done = room("anchors.completion").completed(seen, projection, size, views)
+    planned = process_time() - begun
+    views, _ = room("anchors.anchor_view").without_unused(done.views, [done.own])
+    pixels = sum(view.anchor.count for view in views) / (size[0] * size[1])
+    seconds, holes, within = looked_up(seen, projection, size, views)
+    cells = [
+        path.stem,
+        f"{len(views) - len(done.added)} + {len(done.added)}",
+        f"{pixels:.1f} ×",
+        f"{planned:.1f} s",
+        f"{seconds:.2f} s{'*' * (seconds > MOST_SECONDS)}",
+        f"{holes:.3%}{'*' * (holes > MOST_HOLES)}",
+        f"{within:.2%}{'*' * (within < LEAST_WITHIN)}",
+    ]
+    if whole:
+        joined, ordinary = rendered(scene, camera)
+        cells.append(f"{joined:.1f} s, {joined / ordinary:.1f} ×")
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", default=[], metavar="PRESET", help="these presets alone")
+    parser.add_argument("--width", type=int, default=WIDTH, help="of the pictures, in pixels")
+    parser.add_argument("--whole", action="store_true", help="render the pictures by EEVEE as well")
+    options = parser.parse_args()
+    with render_demo.scratch_profile() as scratch:
+        render_demo.enable_add_on(scratch)
+        print("| preset | anchors | pixels | plan | a million points | holes | within half a pixel |")
+        print("|---|---|---|---|---|---|---|")
+        for build, is_land in ((render_demo.build_street, False), (land, True)):
+            paths = [
+                path
+                for path in sorted(PRESETS.glob("*.json"))
+                if (path.stem in LAND) == is_land and (not options.only or path.stem in options.only)
+            ]
+            if not paths:
+                continue
+            scene = build()
+            for path in paths:
+                print(measured(path, scene, options.width, options.whole), flush=True)
+
+
+if __name__ == "__main__":
+    main()
