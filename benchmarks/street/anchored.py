@@ -49,6 +49,8 @@ def shot(scene, path: Path, width: int):
 
     own = LAND.get(path.stem) or OWN.get(path.stem, USUAL)
     copy = render_demo.another_scene(scene)
+    for obj in scene.collection.objects:
+        copy.collection.objects.link(obj)
     camera = render_demo.add_shot(copy, path.read_text(encoding="utf-8"), own)
     aspect = WIDE.get(path.stem, own.size[0] / own.size[1])
     copy.render.resolution_x, copy.render.resolution_y = width, round(width / aspect)

@@ -19,11 +19,11 @@ from ..anchors.anchor import Anchor
 from ..bridge.blender.all_or_nothing import all_or_nothing
 from ..bridge.blender.rig_mark import PASSING_KEY
 from ..bridge.blender.versions import image_format_properties
-from ..cycles.layers.layer_passes import SwitchedPasses
 from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import rigs
 from ..projection.user_error import UserError
 from ..shading.typing import Single
+from .anchor_passes import AnchorPasses
 from .cautions import left_out
 
 CAMERA = "SCFPF Anchor"
@@ -69,9 +69,7 @@ class AnchorScene:
         except TypeError as error:
             raise UserError("There is no render engine '{0}': choose another", engine) from error
         self.left_out = left_out(copy)
-        # Anchors are wide: passes besides their colours would fill the memory.
-        SwitchedPasses(layer)
-        layer.use_pass_position = False
+        self.passes = AnchorPasses(layer)
         # The names of passes in files end at dots.
         layer.name = layer.name.replace(".", "_")
         render.use_multiview = render.use_sequencer = render.use_compositing = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +24,10 @@ from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
 from ..cycles.engine_choice import engine_name
 from ..cycles.layers.pass_files import Pass, read_passes
+from ..projection.typing import BoolArray
 from ..projection.user_error import Message, UserError
 from ..projection.volume.viewing_volume import Projection
+from ..shading.frame import render_frame
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
 from .backface_culling import one_sided
@@ -42,13 +45,14 @@ LAYERS = "Layers are not joined from renders by '{0}': render with SCFPF, or lay
 SCREEN = (
     "'{0}' hides what pops out of it from '{1}': switch it off in renders, or render with SCFPF or Cycles"
 )
+BACKS = "Data passes show the backs of faces that the other engine leaves out"
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
 
 
 class AnchoredRender:
     """One picture: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
 
-    passes: none. warnings: what it does not show as asked. total: the number of its renders, once known.
+    passes: by name. warnings: what it does not show as asked. total: the number of its renders, once known.
     plan: its anchors, once planned; None in an animation, whose frames are planned together.
     """
 
@@ -84,7 +88,9 @@ class AnchoredRender:
             self.total = 1
             self._passing.look_as(camera)
             yield Message("the camera's own view")
-            self.pixels = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+            found = read_passes(self._passing.path, (COMBINED,))
+            channels = self._passing.passes.channels(found)
+            self._deliver(channels, inputs, np.zeros(channels.shape[:2], bool), False)
             return
         settings = inputs.settings
         size = settings.width, settings.height
@@ -110,17 +116,36 @@ class AnchoredRender:
             color = yield from self._rendered(anchor)
             worlds.colors.append(color)
         note_time(self._passing.engine, self._taken)
-        self.pixels, holes = joined_pixels(inputs, shown, seen, worlds if sky else seen)
-        if holes:
-            self.warnings.append(Message(HOLES, holes, len(seen.views)))
+        channels, holes = joined_pixels(inputs, shown, seen, worlds if sky else seen)
+        if holes.any():
+            self.warnings.append(Message(HOLES, float(holes.mean()), len(seen.views)))
+        self._deliver(channels, inputs, holes, shown.one_sided is not None)
+
+    def _deliver(self, channels: Single, inputs: RenderInputs, holes: BoolArray, has_backs: bool) -> None:
+        """Make the picture and its passes of joined channels (H, W, C).
+
+        holes: (H, W), what no anchor shows, which the engine colors unless the others leave out backs.
+        """
+        passes, settings, frame = self._passing.passes, inputs.settings, None
+        if passes.data:
+            frame = render_frame(inputs.projection, inputs.scene, replace(settings, stylised=None))
+            self.warnings += [Message(BACKS)] if has_backs else []
+        elif holes.any() and not has_backs:
+            frame = render_frame(inputs.projection, inputs.scene, replace(settings, samples=1, stylised=None))
+        if frame is not None and not has_backs:
+            channels[holes, :4] = frame.pixels[holes]
+        self.pixels = np.ascontiguousarray(channels[..., :4])
+        self.passes = passes.passes(channels, frame)
+        self.warnings += passes.warnings
 
     def _read(self, camera) -> tuple[RenderInputs, np.ndarray]:
         """The inputs of the picture, and the axes (3, 3) of its camera. Raises USER_ERRORS."""
         scene = self._passing.scene
         size = ready_size(scene, camera)
+        names = tuple(each.source for each in self._passing.passes.data)
 
         def read(depsgraph):
-            inputs = read_inputs(depsgraph, camera, size)
+            inputs = read_inputs(depsgraph, camera, size, passes=names)
             # Any rotation serves: one that shears or mirrors would not.
             turn = camera.evaluated_get(depsgraph).matrix_world.to_quaternion().to_matrix()
             return inputs, np.array(turn, np.float64)
@@ -202,13 +227,13 @@ class AnchoredRender:
         return with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
 
     def _rendered(self, anchor: Anchor) -> Iterator[str]:
-        """Render an anchor and return its colours (H, W, 4), which are in a file."""
+        """Render an anchor and return its colours and passes (H, W, C), which are in a file."""
         self._passing.look_through(anchor)
         begun = time.monotonic()
         yield Message("{0} × {1}", *anchor.size)
         renders, pixels, seconds = self._taken
         self._taken = TakenTime(renders + 1, pixels + anchor.count, seconds + time.monotonic() - begun)
-        color = read_passes(self._passing.path, (COMBINED,))[COMBINED].values
+        color = self._passing.passes.channels(read_passes(self._passing.path, (COMBINED,)))
         # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
         np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
         return self._passing.kept(color)

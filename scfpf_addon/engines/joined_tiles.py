@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,14 +15,13 @@ from ..anchors.shown_points import shown_points
 from ..bridge.render.render_inputs import RenderInputs
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.typing import BoolArray
-from ..shading.frame import render_frame
 from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
 
 
 @dataclass
 class Pictures:
-    """The pictures of anchors. sets: of the views. colors: (H, W, 4) float32 each, row 0 at the bottom."""
+    """The pictures of anchors. sets: of the views. colors: (H, W, C) float32 each, row 0 at the bottom."""
 
     views: list[AnchorView]
     sets: list[ViewSet] = field(default_factory=list)
@@ -31,8 +30,8 @@ class Pictures:
 
 def joined_pixels(
     inputs: RenderInputs, scene: SeenScene, seen: Pictures, worlds: Pictures
-) -> tuple[Single, float]:
-    """The picture (H, W, 4), and the share of its pixels that no anchor shows: the engine colors these.
+) -> tuple[Single, BoolArray]:
+    """The picture (H, W, C), and which of its pixels no anchor shows, (H, W).
 
     scene: what the camera sees. worlds: pictures of the sky. Raises CastError and Cancelled.
     """
@@ -40,13 +39,14 @@ def joined_pixels(
     width, height, angle = settings.width, settings.height, PlanLimits().angle
     positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
     pixel_size = 1.0 / width, 1.0 / height
-    pixels = np.zeros((height, width, 4), np.float32)
+    channels = next((each.shape[2] for each in (*seen.colors, *worlds.colors)), 4)
+    pixels = np.zeros((height, width, channels), np.float32)
     holes = np.zeros((height, width), bool)
 
     def work(job: TileJob) -> tuple[Single, np.ndarray]:
-        """The colours (n, 4) of the pixels of a tile, and which of them have none."""
+        """The channels (n, C) of the pixels of a tile, and which of them have none."""
         count = (job.rows.stop - job.rows.start) * width
-        color, weight = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
+        color, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
         for sample in range(settings.samples):
             x, y = positions.of_rows(job.rows, sample)
             points = shown_points(scene, projection, x, y, pixel_size, settings.pixel_error)
@@ -70,26 +70,20 @@ def joined_pixels(
 
     def finished(rows: slice, made: tuple[Single, np.ndarray]) -> None:
         """Write a tile into the picture."""
-        pixels[rows] = made[0].reshape(-1, width, 4)
+        pixels[rows] = made[0].reshape(-1, width, channels)
         holes[rows] = made[1].reshape(-1, width)
 
     run_tiles(work, image_tiles(width, height), settings.threads, finished)
-    if holes.any() and scene.one_sided is not None:
-        # The engine would show backs that the renders leave out.
-        fill(pixels, holes)
-    elif holes.any():
-        frame = render_frame(projection, inputs.scene, replace(settings, samples=1, stylised=None))
-        if frame is not None:
-            pixels[holes] = frame.pixels[holes]
-    return pixels, float(holes.mean())
+    fill(pixels, holes)
+    return pixels, holes
 
 
 def fill(pixels: Single, holes: BoolArray) -> None:
-    """Fill the holes (H, W) of a picture (H, W, 4) from their borders inwards, with what is beside them."""
+    """Fill the holes (H, W) of a picture (H, W, C) from their borders inwards, with what is beside them."""
     left = holes.copy()
     while left.any() and not left.all():
         row, column = np.nonzero(left)
-        total, count = np.zeros((len(row), 4), np.float32), np.zeros(len(row), np.float32)
+        total, count = np.zeros((len(row), pixels.shape[2]), np.float32), np.zeros(len(row), np.float32)
         for step in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             beside = (
                 np.clip(row + step[0], 0, left.shape[0] - 1),
