@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import bpy
 import numpy as np
 
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import render_job
 from ...scfpf_addon.bridge.render.render_inputs import RenderInputs
@@ -16,7 +18,7 @@ from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.typing import Single
 from ..common.errors import refused
 from ..common.modal_job import ModalJob, in_window
-from ..common.target import poll_flexible, take_up_edits
+from ..common.target import flexible_camera_of, poll_flexible, take_up_edits
 from ..common.words import report_text, translated_report
 from .image_editors import image_editors
 from .preparation import poll_no_render, redraw_interface
@@ -60,6 +62,7 @@ class RenderSeries(ModalJob):
     def execute(self, context):
         try:
             take_up_edits(context)
+            self._camera, self._begun = flexible_camera_of(context).session_uid, time.monotonic()
             self._count, (width, height) = self.plan(context)
             self.picture: Single = np.zeros((height, width, 4), np.float32)
             self._done, self._parts = 0, self.parts(context)
@@ -111,7 +114,14 @@ class RenderSeries(ModalJob):
     def _deliver(self, context):
         render_job.forget()
         show_progress(self.picture)
+        height, width = self.picture.shape[:2]
         del self.picture
+        camera = object_by_uid(self._camera)
+        if camera is not None and camera.is_editable:
+            seconds = time.monotonic() - self._begun
+            camera.scfpf.report = report_text(
+                "{0}×{1} in {2:.2f} s, {3} parts", width, height, seconds, self._done
+            )
         if warning := keep_result():
             self.report({"WARNING"}, translated_report(warning))
         for space in image_editors(context.window_manager)[:1]:

@@ -81,7 +81,7 @@ class SCFPF_OT_time_render(OfTime, RenderSeries, bpy.types.Operator):
 
     def plan(self, context):
         camera = flexible_camera_of(context)
-        self._camera, self._scene = camera.session_uid, context.scene.session_uid
+        self._scene = context.scene.session_uid
         size = ready_size(context.scene, camera)
         self._steps = time_steps(self.shares(size), self.steps)
         if context.scene.render.use_motion_blur:

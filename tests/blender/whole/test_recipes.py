@@ -99,6 +99,34 @@ def test_a_character_turns_and_the_background_stays():
     assert alike[0] > 0.65 and alike[1] < 0.4
 
 
+def test_the_fist_and_the_body_have_their_fields_of_view(addon):
+    camera = performed("big-fist")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    read = addon("bridge.camera.read_projection").read_own_projection
+    for distance, angle in ((1.2, 43.0), (2.8, 76.0)):
+        half = distance * math.tan(math.radians(angle / 2))
+        points = np.array([[-0.8 * half, 0.8 * half], [0.0, 0.0], [-distance, -distance]])
+        found = addon("projection.volume.inverse").find_in_image(read(camera, depsgraph, 16 / 9), points)
+        assert found.x == pytest.approx([0.1, 0.9], abs=1e-4)
+
+
+def test_each_row_of_the_propeller_is_taken_at_its_own_time():
+    camera = performed("rolling-shutter")
+    image, scene = bpy.data.images["SCFPF Render"], bpy.context.scene
+    width, height = image.size
+    rolled = np.array(image.pixels[:]).reshape(height, width, 4)[..., :3]
+    for row in (5, height // 2, height - 8):
+        time = 1 + 9.0 * (1 - (row + 0.5) / height)
+        scene.frame_set(int(time), subframe=time % 1)
+        still = color_of(camera)
+        assert (
+            np.abs(rolled[row] - still[row]).max() < 0.02
+            or np.median(np.abs(rolled[row] - still[row])) < 1e-3
+        )
+        others = [np.abs(rolled[one] - still[one]).mean() for one in (row - 4, row + 4)]
+        assert np.abs(rolled[row] - still[row]).mean() < min(others)
+
+
 def test_the_long_pan_turns_by_a_hundred_degrees(way):
     ahead = way(performed("long-pan"), [0.0, 0.5, 1.0], 0.5)
     assert np.degrees(np.arctan2(ahead[0], ahead[1])) == pytest.approx([-50, 0, 50], abs=0.01)
