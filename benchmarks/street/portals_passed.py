@@ -29,12 +29,12 @@ from scfpf_addon import bridge
 from scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from scfpf_addon.bridge.render.type_registration import register_types
 from scfpf_addon.bridge.scene.read_scene import read_scene
-from scfpf_addon.casting.cells.cell_paths import needed_faces, portals_passed
 from scfpf_addon.casting.cells.occupied_chords import occupied_chords
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.cycles import rig, rig_properties
 from scfpf_addon.cycles.chords.chord_plan import ChordPlan, plan_chords
+from scfpf_addon.cycles.portals.paths import needed_faces, portals_passed
 from scfpf_addon.projection.presets.preset import load_preset, read_preset
 from scfpf_addon.projection.typing import Array, BoolArray, IndexArray
 from scfpf_addon.projection.volume.viewing_volume import Projection

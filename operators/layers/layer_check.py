@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
-from ...scfpf_addon.bridge.layers.layer_colors import color_layers, write_picture
+from ...scfpf_addon.bridge.layers.layer_edits import color_layers, write_picture
 from ...scfpf_addon.bridge.layers.read_image_layers import lacking
 from ...scfpf_addon.shading.picking.layer_shares import layer_shares
 from ..aim.aim_camera import AimAction, camera_name

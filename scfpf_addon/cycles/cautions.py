@@ -7,10 +7,10 @@ from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.blends.camera_blend import has_cuts
 from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
 from ..projection.user_error import Message
-from . import aov_passes, footprints, hidden_surfaces
+from . import aov_passes, hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
-from .rig_data import CYCLES, NO_CYCLES, has_cycles
+from .rig_data import CYCLES, LAYOUT, NO_CYCLES, has_cycles
 
 # Start of the data paths of image mappings.
 MAPPINGS_PATH = "scfpf.mappings["
@@ -27,6 +27,10 @@ PASSES_CHANGED = Message(
     "The node SCFPF Passes has the mist of another world, or is of another version: press Update Chords"
 )
 STEPS = Message("Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with SCFPF")
+# Pixels whose sizes in space differ by a larger factor from those that Cycles takes them for differ visibly.
+# Textures of a fisheye of 120° have 1.44 and are off by 0.026 beside Cycles' own one; of 90° 1.23 and 0.006.
+MOST_SPREAD = 1.3
+FLAT = Message("Bump comes out flat, since another version of the add-on made the rig: press Update Chords")
 
 
 def cautions(scene, view_layer, rig) -> list[str]:
@@ -111,7 +115,7 @@ def _about_volume(scene, settings) -> list[str]:
                 settings.asks_camera,
             )
         )
-    found += footprints.cautions(settings)
+    found += pixel_cautions(settings)
     if settings.flat:
         found.append(NO_AREA)
     if has_cuts(settings.camera):
@@ -131,6 +135,33 @@ def _about_volume(scene, settings) -> list[str]:
     ]
     if _mappings_move(settings.camera):
         found.append(Message("Image mappings stand still in an animation by Cycles: render it with SCFPF"))
+    return found
+
+
+def pixel_cautions(settings) -> list[str]:
+    """The cautions about what Cycles measures in pixels: bump, levels of textures, wires."""
+    # Rays of a rig that another version has made have footprints that are far too wide.
+    if settings.layout != LAYOUT:
+        return [FLAT]
+    if settings.spread <= MOST_SPREAD:
+        return []
+    found = []
+    if settings.wires:
+        found.append(
+            Message(
+                "The wires of '{0}' have wrong widths, as pixels differ much in size: switch off Pixel Size",
+                settings.wires,
+            )
+        )
+    # Blender has it from 5.2 on.
+    if settings.levels and getattr(settings.scene.render, "use_texture_cache", False):
+        found.append(
+            Message(
+                "Images as of '{0}' are too soft or too sharp, as pixels differ much in size: switch off "
+                "Texture Cache in Performance",
+                settings.levels,
+            )
+        )
     return found
 
 

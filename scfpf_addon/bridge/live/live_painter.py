@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...casting.common.parallel import thread_count
 from ...projection.diagrams.diagram import volume_signature
 from ...projection.volume.viewing_volume import Projection
-from ...shading.live.cast_live import LiveProjection, LiveWindow, cast_live
+from ...shading.live.cast_live import LiveProjection, LiveWindow, Paint, cast_live
 from ...shading.live.live_hits import LiveHits
-from ...shading.live.live_image import Paint
 from ...shading.typing import Single
 from ..render.view_painter import Rectangle
 from ..tasks.painter import Painter

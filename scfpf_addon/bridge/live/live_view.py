@@ -9,8 +9,7 @@ from weakref import WeakValueDictionary
 
 import bpy
 
-from ...shading.live.cast_live import LiveProjection, LiveWindow
-from ...shading.live.live_image import live_image
+from ...shading.live.cast_live import LiveProjection, LiveWindow, live_image
 from ...shading.live.solid_look import SolidLook, paint
 from ...shading.typing import Single
 from ..camera.stereo_views import Eye

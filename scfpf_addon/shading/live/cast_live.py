@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The hits of a live image: one projector through the middle of each pixel, in bands of rows on all cores."""
+"""Live images: the hits of one projector through the middle of each pixel, in bands of rows on all cores."""
 
 from __future__ import annotations
 
@@ -34,6 +34,10 @@ PIXEL_ERROR = 1.0
 BAND_PIXELS = 1 << 16
 # An image of fewer pixels is one band: others would wait for the interpreter.
 FEWEST_PIXELS = 1 << 14
+
+# Colours (H, W, 4) of hits, display-encoded sRGB, premultiplied; the number is that of pixels of the screen
+# across a pixel of the image.
+Paint = Callable[[LiveHits, float], Single]
 
 
 class LiveWindow(NamedTuple):
@@ -101,6 +105,23 @@ class LiveProjection:
         numbers = np.zeros(max(int(scene.tables.object.max(initial=0)) + 1, len(self.members)), np.uint8)
         numbers[: len(self.members)] = self.members
         return LayerParts.of(numbers.take(scene.tables.object), scene.cast_scene, inside.layers)
+
+
+def live_image(
+    scene: LiveScene,
+    view: LiveProjection,
+    window: LiveWindow,
+    paint: Paint,
+    step: float = 1.0,
+    signal: Signal | None = None,
+    threads: int = 0,
+) -> Single:
+    """Make the image of a window, (H, W, 4) float32 from the bottom, display-encoded and premultiplied.
+
+    window: in pixels of the screen. step: the number of these across a pixel of the image. signal: raises
+    Cancelled when it is set. threads: 0 for all cores. Raises CastError.
+    """
+    return paint(cast_live(scene, view, window.coarser(step), signal, threads), step)
 
 
 def cast_live(

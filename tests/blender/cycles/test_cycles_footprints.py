@@ -246,10 +246,10 @@ def test_levels_are_named_where_pixels_differ_in_size(addon, tmp_path):
     ours = shot(tmp_path / "ours.exr")
     assert math.sqrt(((ours - theirs) ** 2).mean()) > 3 * ROOT_MEAN_SQUARE
     settings = addon("cycles.rig_data").rig_of(scene).scfpf_rig
-    (caution,) = addon("cycles.footprints").cautions(settings)
+    (caution,) = addon("cycles.cautions").pixel_cautions(settings)
     assert "'Check'" in caution and "Texture Cache" in caution
     scene.render.use_texture_cache = False
-    assert addon("cycles.footprints").cautions(settings) == []
+    assert addon("cycles.cautions").pixel_cautions(settings) == []
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Blender has no texture cache")
@@ -274,7 +274,7 @@ def test_levels_of_a_fisheye_are_right_or_named(addon, tmp_path, field):
     assert switch(camera) == {"FINISHED"}
     error = math.sqrt(((shot(tmp_path / "ours.exr") - theirs) ** 2).mean())
     settings = addon("cycles.rig_data").rig_of(scene).scfpf_rig
-    assert bool(addon("cycles.footprints").cautions(settings)) == (error > ROOT_MEAN_SQUARE)
+    assert bool(addon("cycles.cautions").pixel_cautions(settings)) == (error > ROOT_MEAN_SQUARE)
 
 
 def test_wires_in_pixels_are_as_wide_as_through_an_ordinary_camera(addon, tmp_path):

@@ -209,7 +209,7 @@ CASES = {
     "Add Layer": (
         red,
         lambda: OPERATORS.layer_add(camera="Camera"),
-        "bridge.layers.layer_edits._new_eye bridge.layers.layer_colors.color_layers",
+        "bridge.layers.layer_edits._new_eye bridge.layers.layer_edits.color_layers",
     ),
     "layers, button": (
         layered,

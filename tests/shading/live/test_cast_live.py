@@ -9,8 +9,7 @@ from scfpf_addon.casting.common.geometry import Geometry, Layer
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import BilinearPatch
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
-from scfpf_addon.shading.live.cast_live import LiveProjection, LiveWindow, cast_live
-from scfpf_addon.shading.live.live_image import live_image, plain_paint
+from scfpf_addon.shading.live.cast_live import LiveProjection, LiveWindow, cast_live, live_image
 from scfpf_addon.shading.live.live_scene import COLOR_LAYER, LiveScene, StillScene
 
 WHOLE = LiveWindow(0.0, 0.0, 1.0, 1.0, 24, 16)
@@ -224,6 +223,16 @@ def test_a_signal_ends_it():
 
     with pytest.raises(Cancelled):
         cast_live(LiveScene.built(soup()), LiveProjection.of(pinhole()), WHOLE, Set())
+
+
+def plain_paint(hits, _step):
+    """Grey, the lighter the more a surface faces the viewer; a dark grey where there is nothing."""
+    facing = np.abs(np.einsum("cn,cn->n", hits.normal, hits.forward))
+    pixels = np.empty((len(facing), 4), np.float32)
+    pixels[:, :3] = np.where(hits.look >= 0, 0.15 + 0.7 * facing, 0.2)[:, None]
+    pixels[:, 3] = hits.mask
+    pixels[:, :3] *= pixels[:, 3:]
+    return pixels.reshape(hits.height, hits.width, 4)
 
 
 def test_a_part_of_the_frame_is_that_part():

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.cells.cell_paths import needed_faces, next_chords, portals_passed
+from scfpf_addon.cycles.portals.paths import needed_faces, next_chords, portals_passed
 
 CHORDS, ROWS, COLUMNS = 9, 6, 7
 
