@@ -119,10 +119,8 @@ def test_each_row_of_the_propeller_is_taken_at_its_own_time():
         time = 1 + 9.0 * (1 - (row + 0.5) / height)
         scene.frame_set(int(time), subframe=time % 1)
         still = color_of(camera)
-        assert (
-            np.abs(rolled[row] - still[row]).max() < 0.02
-            or np.median(np.abs(rolled[row] - still[row])) < 1e-3
-        )
+        # Samples of sun and sky are random.
+        assert np.median(np.abs(rolled[row] - still[row])) < 1e-3
         others = [np.abs(rolled[one] - still[one]).mean() for one in (row - 4, row + 4)]
         assert np.abs(rolled[row] - still[row]).mean() < min(others)
 
