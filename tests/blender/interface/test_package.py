@@ -39,7 +39,7 @@ def test_the_page_of_the_extension_has_the_manifests_words():
         re.search(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)[1] == MANIFEST["version"]
     )
     presets = len(list((ROOT / "presets").glob("*.json")))
-    assert presets == 48 and "Forty-eight projections" in page
+    assert presets == 51 and "Fifty-one projections" in page
 
 
 @pytest.mark.parametrize("old, new", [('"Camera"', '"Camra"'), ('"4.5.0"', '"four"')])
