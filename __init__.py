@@ -16,11 +16,13 @@ def register():
     from .scfpf_addon import bridge, cycles, events
     from .scfpf_addon.bridge.render import type_registration
     from .scfpf_addon.engines import anchors_job
+    from .scfpf_addon.farm import job_command
 
     type_registration.register_types(_types())
     bridge.register()
     cycles.register()
     anchors_job.register()
+    job_command.register()
     events.register()
     operators.register()
     panels.register()
@@ -31,10 +33,12 @@ def unregister():
     from .scfpf_addon import bridge, cycles, events, scanline
     from .scfpf_addon.bridge.render import type_registration
     from .scfpf_addon.engines import anchors_job
+    from .scfpf_addon.farm import job_command
 
     panels.unregister()
     operators.unregister()
     events.unregister()
+    job_command.unregister()
     anchors_job.unregister()
     cycles.unregister()
     scanline.unregister()

@@ -21,7 +21,7 @@ from .camera import (
     ways,
 )
 from .common import modal_job
-from .image import find, pick, quilt, render, time_render
+from .image import find, pick, quilt, render, render_job_export, time_render
 from .layers import layer_check, layer_list, layer_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
@@ -62,6 +62,7 @@ MODULES = (
     layer_list,
     layer_check,
     layer_render,
+    render_job_export,
 )
 
 

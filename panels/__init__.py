@@ -12,6 +12,7 @@ from . import (
     menus,
     messages,
     preset_menus,
+    render_job,
     stylised,
     surface_list,
     thumbnails,
@@ -30,6 +31,7 @@ MODULES = (
     layers,
     cycles,
     engine_panels,
+    render_job,
     stylised,
     languages,
 )

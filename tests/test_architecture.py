@@ -13,7 +13,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 # From the ground up: a layer may import those before it.
 LAYERS = (
     *("projection", "casting", "aim", "shading", "anchors"),
-    *("bridge", "scanline", "cycles", "engines", "operators", "panels"),
+    *("bridge", "scanline", "cycles", "engines", "farm", "operators", "panels"),
 )
 PURE = LAYERS[:5]
 PRODUCT = ("scfpf_addon", "operators", "panels")

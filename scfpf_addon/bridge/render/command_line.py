@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 
@@ -35,6 +36,17 @@ CYCLES_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
 ENGINE_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
 
 
+class Command(NamedTuple):
+    """A command of a layer above. declare: adds its grammar, given the commands. execute: takes options."""
+
+    declare: Callable[..., None]
+    execute: Callable[..., None]
+
+
+# Further commands by their names.
+COMMANDS: dict[str, Command] = {}
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message):
         raise UserError(f"{message} (see {self.prog} --help)")
@@ -50,7 +62,7 @@ def _pixel_error(text: str) -> float:
     return value
 
 
-def _frame(text: str) -> int:
+def frame_number(text: str) -> int:
     try:
         value = int(text)
     except ValueError:
@@ -92,14 +104,19 @@ def parser() -> argparse.ArgumentParser:
     )
     render.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
     render.add_argument(
-        "--frame", metavar="N", type=_frame, help="the frame (default: the file's current one)"
+        "--frame", metavar="N", type=frame_number, help="the frame (default: the file's current one)"
     )
     render.add_argument(
         "--frames",
         metavar=("FIRST", "LAST"),
         nargs=2,
-        type=_frame,
+        type=frame_number,
         help="the frames of an animation, with --cycles or --engine; # in OUT stands for their digits",
+    )
+    render.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep the pictures of --frames that exist, whatever the file says",
     )
     render.add_argument(
         "--pixel-error",
@@ -112,6 +129,8 @@ def parser() -> argparse.ArgumentParser:
         choices=[*(name.lower() for name in STYLES), "none"],
         help="draw the picture in a style, or not at all (default: as the file's scene says)",
     )
+    for command in COMMANDS.values():
+        command.declare(commands)
     return top
 
 
@@ -119,7 +138,10 @@ def run(argv: list[str]) -> int:
     """Execute a command line. Return 0, 1 after a one-line reason on stderr, or BUG after a traceback."""
     try:
         options = parser().parse_args(argv)
-        _render(options)
+        if options.command in COMMANDS:
+            COMMANDS[options.command].execute(options)
+        else:
+            _render(options)
     except SystemExit as left:  # argparse has shown its help.
         return int(left.code or 0)
     except USER_ERRORS as error:
@@ -132,17 +154,9 @@ def run(argv: list[str]) -> int:
 
 
 def _render(options) -> None:
-    # os.path returns False where pathlib raises: a name that is too long, no permission.
-    if not os.path.isfile(options.file):
-        raise UserError(f"there is no file {options.file}")
     if os.path.isdir(options.output):
         raise UserError(f"cannot write {options.output}: it is a folder")
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(options.file.absolute()), load_ui=False)
-    except RuntimeError as error:
-        why = str(error).removeprefix("Error: ").split(" in file ")[0]
-        raise UserError(f"cannot open {options.file}: {why}") from error
-    scene = bpy.context.scene
+    scene = open_file(options.file)
     if options.engine and (options.style or options.pixel_error is not None):
         raise UserError("--style and --pixel-error are for SCFPF's own engine, not for --engine")
     if options.cycles and options.engine:
@@ -160,7 +174,9 @@ def _render(options) -> None:
         scene.scfpf_drawn.use_drawn = False
     elif options.style:
         apply_style(scene, options.style.upper())
-    camera = _camera(scene, options.camera)
+    camera = named_camera(scene, options.camera)
+    if options.resume:
+        scene.render.use_overwrite = False
     if options.cycles or options.engine:
         _render_by_others(camera, options, output)
         return
@@ -188,7 +204,20 @@ def _render_by_others(camera, options, output: str) -> None:
     print(f"scfpf: {output}: {outcome}")
 
 
-def _camera(scene, name: str | None):
+def open_file(path: Path):
+    """Open a .blend file and return its scene. Raises UserError."""
+    # os.path returns False where pathlib raises: a name that is too long, no permission.
+    if not os.path.isfile(path):
+        raise UserError(f"there is no file {path}")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False)
+    except RuntimeError as error:
+        why = str(error).removeprefix("Error: ").split(" in file ")[0]
+        raise UserError(f"cannot open {path}: {why}") from error
+    return bpy.context.scene
+
+
+def named_camera(scene, name: str | None):
     """The flexible camera of a name; without one the scene's camera, or its only flexible one."""
     if name is not None:
         camera = scene.objects.get(name)

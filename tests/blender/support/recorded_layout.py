@@ -132,6 +132,7 @@ def read_words(addon, panel=None):
         if (is_panel and panel in (None, cls.bl_label)) or (name.startswith("SCFPF_MT_") and panel is None):
             FakePanel(cls, layout).draw(bpy.context)
     entries = (menus._camera_entries, menus._surface_entries, menus._duplicate_entry)
+    entries += (addon("panels.render_job").draw_export,)
     for draw in entries if panel is None else ():
         draw(FakePanel(menus.SCFPF_MT_surface_add, layout), bpy.context)
     return {entry[1].removesuffix("...") for entry in layout.record if entry[0] == "label"}
