@@ -31,7 +31,7 @@ class Sidebar:
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
-    bl_category = "Flexible"
+    bl_category = "Flexible Projection"
     names_camera = True
 
     @classmethod

@@ -16,7 +16,7 @@ BEGINNINGS = (
     ("OUTLINER_OB_CAMERA", "Add > Camera > Flexible Camera adds a camera with the viewport's view."),
     ("CAMERA_DATA", "A camera of yours: its Data tab has the panel Flexible Projection."),
     ("PRESET", "Projection Preset, in the panel, bends the picture at once. Live View shows it."),
-    ("WINDOW", "In a 3D viewport press N: the panel is in the tab Flexible, too."),
+    ("WINDOW", "In a 3D viewport press N: the panel is in the tab Flexible Projection, too."),
     ("SCENE_DATA", "Add > Camera > Flexible Camera Tutorial Scene is a town to try it with."),
 )
 

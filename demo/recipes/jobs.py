@@ -114,7 +114,7 @@ RECIPES = (
         (
             size(960, 540),
             select("Select the character. The scene has an ordinary camera.", "Head"),
-            Step("Press *Add Layer* in the panel *Layers* (press N, tab *Flexible*).", _add_layer),
+            Step("Press *Add Layer* in the panel *Layers* (press N, tab *Flexible Projection*).", _add_layer),
             Step(
                 "Put the 3D cursor on the character: *Shift-S*, *Cursor to Selected*. Choose *3D Cursor* as "
                 "*Pivot Point* in the viewport's header.",

@@ -66,7 +66,7 @@ class SCFPF_OT_camera_add(Action, bpy.types.Operator):
             show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
             if scene.camera is None:
                 scene.camera = camera
-        return "Press N for its panel, in the tab Flexible. Turn the view to see its volume"
+        return "Press N for its panel, in the tab Flexible Projection. Turn the view to see its volume"
 
 
 class SCFPF_OT_camera_from_camera(Action, bpy.types.Operator):

@@ -96,7 +96,7 @@ class Driver:
         while region.is_property_readonly("active_panel_category"):
             assert time.monotonic() < end, "the sidebar is not drawn"
             yield 0.2
-        region.active_panel_category = "Flexible"
+        region.active_panel_category = "Flexible Projection"
         yield DRAW
 
     def open_image_editor(self) -> None:

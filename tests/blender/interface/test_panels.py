@@ -203,10 +203,10 @@ def test_the_menu_of_surfaces_has_four_kinds_and_the_rest_under_more(addon, came
     assert len(more) == len(addon("bridge.surfaces.kinds").BLENDER_KINDS) - 4
 
 
-def test_the_tab_of_the_sidebar_says_flexible():
+def test_the_tab_of_the_sidebar_has_the_name_of_the_panel():
     names = [name for name in dir(bpy.types) if name.startswith("SCFPF_PT_view")]
     assert len(names) > 6
-    assert {getattr(bpy.types, name).bl_category for name in names} == {"Flexible"}
+    assert {getattr(bpy.types, name).bl_category for name in names} == {"Flexible Projection"}
 
 
 def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
