@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from time import perf_counter
 
@@ -28,6 +29,8 @@ PATIENCE = 0.09
 TICK = 0.03
 # The text while there is no image yet.
 BUILDING = "Building the scene of Live View"
+# An image that is older than so many seconds is marked, and the text that marks it.
+OLD, BEHIND = 0.5, Message("Live View is behind: the picture is {0:.0f} s old")
 # The text while the viewport shows the camera's ordinary view instead.
 ASIDE = Message("Live View is off while you edit: it comes back in Object Mode")
 
@@ -42,6 +45,8 @@ class _Viewport:
         self._fault: tuple[type, str] | None = None
         self._failure = ""
         self._drawn = -1
+        # Whole seconds of age that are marked in the viewport, 0 for none.
+        self._marked = 0
         # When a drawing of the window began, until its end is noted.
         self._begun: float | None = None
         self._texture: gpu.types.GPUTexture | None = None
@@ -57,6 +62,17 @@ class _Viewport:
         """Return whether images of the look are still to be read, a few each time it is drawn."""
         source = self.view.source
         return source is not None and not source.looks.is_complete
+
+    @property
+    def _age(self) -> int:
+        """The seconds by which the image is old, rounded up; 0 for an image that is not."""
+        behind = self.view.seconds_behind
+        return math.ceil(behind) if behind > OLD else 0
+
+    @property
+    def has_aged(self) -> bool:
+        """Return whether the image's age is another than the viewport tells."""
+        return self._age != self._marked
 
     def note_drawing(self) -> None:
         """Tell the painter how long the window's drawing took; called when Blender is at rest after it.
@@ -103,6 +119,10 @@ class _Viewport:
                 draw_text(message, self._rectangle, context.preferences.system.ui_scale)
             elif self._texture is not None:
                 draw_image(self._texture, self._rectangle)
+                self._marked = self._age
+                if self._marked:
+                    text = translated_report(Message(BEHIND, self._marked))
+                    draw_text(text, self._rectangle, context.preferences.system.ui_scale)
                 if camera.scfpf.show_pick and context.space_data.overlay.show_overlays:
                     self._draw_pick(context, camera.scfpf.pick)
 
@@ -200,7 +220,7 @@ def _tick() -> float | None:
     areas = _regions()
     for address, viewport in _viewports.items():
         viewport.note_drawing()
-        if viewport.is_late or viewport.is_waiting:
+        if viewport.is_late or viewport.is_waiting or viewport.has_aged:
             areas[address].tag_redraw()
     return TICK if any(one.view.painter.busy or one.is_waiting for one in _viewports.values()) else None
 

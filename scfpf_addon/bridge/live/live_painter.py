@@ -42,7 +42,7 @@ class Request(NamedTuple):
     """A request for images: everything is an array, a number or a function of these.
 
     window: in pixels of the viewport. rectangle: where it is drawn. paint_key: differs whenever ``paint``
-    paints differently. members: see ``LiveProjection``.
+    paints differently. members: see ``LiveProjection``. number: of the request, counted by who asks.
     """
 
     kept: KeptScene
@@ -53,14 +53,19 @@ class Request(NamedTuple):
     paint: Paint
     paint_key: bytes
     members: NDArray[np.uint8] | None = None
+    number: int = 0
 
 
 class LiveImage(NamedTuple):
-    """An image and where it is drawn. pixels: (H, W, 4). step: viewport pixels across one of its pixels."""
+    """An image and where it is drawn. pixels: (H, W, 4). step: viewport pixels across one of its pixels.
+
+    number: of the request that it answers.
+    """
 
     pixels: Single
     rectangle: Rectangle
     step: float
+    number: int = 0
 
 
 class _Seen(NamedTuple):
@@ -151,4 +156,4 @@ class LivePainter(Painter[Request, LiveImage]):
 
 
 def _image(request: Request, hits: LiveHits, step: float) -> LiveImage:
-    return LiveImage(request.paint(hits, step), request.rectangle, step)
+    return LiveImage(request.paint(hits, step), request.rectangle, step, request.number)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from time import perf_counter
 from weakref import WeakValueDictionary
 
 import bpy
@@ -75,6 +76,18 @@ class LiveView:
         self.painter = LivePainter()
         self.source: LiveSource | None = None
         self._key: tuple = ()
+        # The number of requests, and when those were made that no image answers yet.
+        self._asked = 0
+        self._times: dict[int, float] = {}
+
+    @property
+    def seconds_behind(self) -> float:
+        """The seconds since the image was the scene's; 0 if it is, or if there is none."""
+        image = self.painter.image
+        if image is None:
+            return 0.0
+        self._times = {number: time for number, time in self._times.items() if number > image.number}
+        return perf_counter() - min(self._times.values()) if self._times else 0.0
 
     def request(
         self,
@@ -98,9 +111,10 @@ class LiveView:
             return False
         self._key = ()
         aspect = frame.width / frame.height
-        self.painter.ask(
-            _request(source, depsgraph, camera, aspect, window, rectangle, eye, placements, look)
-        )
+        made = _request(source, depsgraph, camera, aspect, window, rectangle, eye, placements, look)
+        self._asked += 1
+        self._times[self._asked] = perf_counter()
+        self.painter.ask(made._replace(number=self._asked))
         self._key = key
         return True
 

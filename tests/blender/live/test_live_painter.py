@@ -249,6 +249,34 @@ def test_wires_of_surfaces(addon, camera, kind, mode):
         assert len(ends) and distances.max() < 1e-5
 
 
+def test_an_image_that_is_not_the_scenes_tells_its_age(viewport, addon, monkeypatch):
+    """While the painter is held up, the picture of before is shown, and how old it is."""
+    assert viewport.view.seconds_behind == 0.0
+    viewport.request()
+    viewport.final()
+    assert viewport.view.seconds_behind == 0.0
+    module, held = addon("bridge.live.live_painter"), threading.Event()
+    cast_live = module.cast_live
+    monkeypatch.setattr(module, "cast_live", lambda *given: (held.wait(PATIENCE), cast_live(*given))[1])
+    surface = bpy.context.scene.camera.scfpf.surfaces[1].object
+    begun = time.monotonic()
+    for _ in range(2):
+        surface.location.x += 0.1
+        assert viewport.request()
+        time.sleep(0.3)
+    behind, age = viewport.view.seconds_behind, time.monotonic() - begun
+    assert 0.6 <= behind <= age
+    drawn = addon("bridge.live.live_drawing")._Viewport()
+    drawn.view = viewport.view
+    assert drawn.has_aged and drawn._age == 1
+    held.set()
+    end = time.monotonic() + PATIENCE
+    while viewport.view.seconds_behind > 0.0:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert not drawn.has_aged
+
+
 def test_finer_images_wait_until_a_slow_window_is_drawn(viewport, addon, monkeypatch):
     waits = []
     monkeypatch.setattr(viewport.painter, "_is_idle", lambda seconds: waits.append(seconds))
