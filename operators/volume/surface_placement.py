@@ -18,7 +18,7 @@ NEW_ARC = math.radians(90)
 ROUND_DEPTH = 0.25
 GRID_POINTS = 4
 # Shares of the way between two surfaces: the middle, and the least distance from either.
-HALF, LEAST_SHARE = 0.5, 0.02
+HALF, LEAST_SHARE = 0.5, 1e-4
 # Half the depth of a lattice that is a camera's first surface, in Blender units, and its axis.
 NEW_DEPTH, FORWARDS = 4.0, np.array([0.0, 0.0, 1.0])
 

@@ -44,15 +44,15 @@ def test_surface_of_every_kind_goes_between_its_neighbours(addon, kind):
 
 @pytest.mark.parametrize("kind", ["PLANE", "CYLINDER", "GRID"])
 def test_a_surface_lands_where_the_things_in_the_picture_are(kind):
-    """A wall that fills the picture 8 before the camera, and a far surface 100 before it."""
+    """A wall that fills the picture 8 before the camera, and a far surface 1000 before it."""
     bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 8.5, 0))
     bpy.context.object.scale = (40, 1, 40)
     bpy.ops.object.camera_add(rotation=(np.pi / 2, 0, 0))
     bpy.context.scene.camera = camera = bpy.context.object
-    camera.data.clip_end = 100.0
+    camera.data.clip_end = 1000.0
     assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
     bpy.context.view_layer.update()
-    assert camera.scfpf.surfaces[1].object.location.z == pytest.approx(-100)
+    assert camera.scfpf.surfaces[1].object.location.z == pytest.approx(-1000)
     assert bpy.ops.scfpf.surface_add(kind=kind) == {"FINISHED"}
     bpy.context.view_layer.update()
     middle = camera.scfpf.surfaces[1].object
