@@ -5,6 +5,7 @@ from .aim import drag, pin_click, solve, targets
 from .camera import (
     blend,
     blend_maps,
+    calibration,
     camera,
     cycles,
     dimetric,
@@ -21,7 +22,7 @@ from .camera import (
     ways,
 )
 from .common import modal_job
-from .image import find, pick, quilt, render, render_job_export, time_render
+from .image import find, pick, quilt, render, render_job_export, time_render, video_projector
 from .layers import layer_check, layer_list, layer_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
@@ -41,12 +42,14 @@ MODULES = (
     blend_maps,
     screen,
     vr_pair,
+    calibration,
     render,
     quilt,
     time_render,
     engine,
     pick,
     find,
+    video_projector,
     mappings,
     attention,
     preview,

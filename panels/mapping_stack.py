@@ -14,12 +14,14 @@ MAPPING_ICONS = {
     "ST_MAP": "IMAGE_DATA",
     "GRID": "MESH_GRID",
     "DISPLAY": "DESKTOP",
+    "CALIBRATION": "OUTLINER_DATA_CAMERA",
 }
 # The properties of each kind, drawn one below the other.
 DRAWN = {
     "LENS": ("radius", "magnification", "falloff"),
     "DISTORTION": ("radius", "numerator", "denominator"),
     "DISPLAY": ("arc", "distance"),
+    "CALIBRATION": ("calibration",),
 }
 # The kinds with a centre, which a click in the image can place.
 PLACED = {"RADIAL_CURVE", "LENS", "DISTORTION"}

@@ -82,6 +82,21 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
 
 
+class SCFPF_MT_projection_mapping(bpy.types.Menu):
+    """Pictures and files for video projectors"""
+
+    bl_label = "Projection Mapping"
+
+    def draw(self, _context):
+        self.layout.operator("scfpf.video_projector_picture", icon="OUTLINER_OB_LIGHT")
+        self.layout.operator_context = "INVOKE_REGION_WIN"
+        self.layout.operator("scfpf.content_mesh_export", text="Export for Media Server...", icon="EXPORT")
+
+
+def _mapping_entries(menu, _context):
+    menu.layout.menu("SCFPF_MT_projection_mapping", icon="OUTLINER_OB_LIGHT")
+
+
 def _camera_entries(menu, _context):
     menu.layout.operator_context = "EXEC_REGION_WIN"
     menu.layout.operator(
@@ -90,6 +105,18 @@ def _camera_entries(menu, _context):
     menu.layout.menu("SCFPF_MT_camera_add_preset", icon="PRESET")
     menu.layout.operator("scfpf.camera_from_screen", icon="DESKTOP")
     menu.layout.operator("scfpf.vr_pair", icon="CAMERA_STEREO")
+    menu.layout.operator_context = "INVOKE_REGION_WIN"
+    menu.layout.operator(
+        "scfpf.camera_from_calibration",
+        text="Flexible Camera from Calibration File...",
+        icon="OUTLINER_DATA_CAMERA",
+    ).source = "FILE"
+    menu.layout.operator(
+        "scfpf.camera_from_calibration",
+        text="Flexible Camera from Lens Numbers...",
+        icon="OUTLINER_DATA_CAMERA",
+    ).source = "NUMBERS"
+    menu.layout.operator_context = "EXEC_REGION_WIN"
     menu.layout.operator("scfpf.tutorial_scene", text="Flexible Camera Tutorial Scene", icon="SCENE_DATA")
 
 
@@ -122,6 +149,7 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         SCFPF_MT_surface_add_more,
         SCFPF_MT_surface_add,
         SCFPF_MT_surface_specials,
+        SCFPF_MT_projection_mapping,
     )
 )
 
@@ -130,6 +158,7 @@ def register():
     _register_classes()
     bpy.types.VIEW3D_MT_camera_add.append(_camera_entries)
     bpy.types.VIEW3D_MT_add.append(_surface_entries)
+    bpy.types.VIEW3D_MT_object.append(_mapping_entries)
     for menu in OBJECT_MENUS:
         getattr(bpy.types, menu).append(_duplicate_entry)
 
@@ -137,6 +166,7 @@ def register():
 def unregister():
     for menu in OBJECT_MENUS:
         getattr(bpy.types, menu).remove(_duplicate_entry)
+    bpy.types.VIEW3D_MT_object.remove(_mapping_entries)
     bpy.types.VIEW3D_MT_add.remove(_surface_entries)
     bpy.types.VIEW3D_MT_camera_add.remove(_camera_entries)
     _unregister_classes()

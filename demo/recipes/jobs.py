@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from . import scenes
 from .steps import Recipe, Step, add, add_as_made, done, place, render, scale, select, size
@@ -34,6 +35,13 @@ def _from_screen() -> None:
     import bpy
 
     done(bpy.ops.scfpf.camera_from_screen())
+    bpy.context.scene.camera = bpy.context.object
+
+
+def _from_calibration() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.camera_from_calibration(filepath=str(CALIBRATION)))
     bpy.context.scene.camera = bpy.context.object
 
 
@@ -88,6 +96,8 @@ def _over_time() -> None:
 SHUTTER = 9.0
 # Distances and fields of view, in degrees, of the recipe of the fist.
 FIST, BODY = (1.2, 43.0), (2.8, 76.0)
+# A lens, as OpenCV's calibration writes it.
+CALIBRATION = Path(__file__).with_name("action_camera.yml")
 # The angle by which the recipe of the best side turns the layer's camera, in degrees.
 TURN = 50.0
 SCREEN = (
@@ -239,6 +249,25 @@ RECIPES = (
         scenes.billboard,
         (size(1200, 460), *SCREEN, render()),
         SCREEN_MORE + " For one flat wall there is the preset *Anamorphic Billboard* as well.",
+    ),
+    Recipe(
+        "calibrated-lens",
+        "Things in the shot of a real lens",
+        "Match a calibrated camera: OpenCV, a fisheye, OCamCalib or COLMAP.",
+        scenes.street,
+        (
+            Step(
+                "Choose *Add › Camera › Flexible Camera from Calibration File* and the file of your lens. "
+                "Here it is `demo/recipes/action_camera.yml`, a wide action camera. The scene gets its "
+                "resolution.",
+                _from_calibration,
+            ),
+            place((-1.9, -4.6, 1.5), -24.0),
+            render(),
+        ),
+        "Each pixel sees what the lens's own pixel sees. The image *action_camera Undistort* is the ST map "
+        "that leads from the photograph to the picture behind the mapping. "
+        "[The guide](../guide.md#a-measured-lens) has the files and models.",
     ),
     Recipe(
         "panini",

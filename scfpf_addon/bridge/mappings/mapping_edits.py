@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import bpy
 import numpy as np
 
+from ...projection.file_limits import PresetError, parsed
+from ...projection.mappings.calibrated import MODELS, CalibratedLens, lens_data, read_lens
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, MAXIMUM_MAPPINGS
 from ...projection.user_error import UserError
 from ..blender.all_or_nothing import at_end
@@ -30,6 +33,9 @@ CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
 GRID_SHAPE = (5, 7)
 # The distance of a new grid: this multiple of the camera's clip start, but at least so many Blender units.
 GRID_CLIP_STARTS, GRID_DISTANCE = 4.0, 1.0
+
+# A lens that leaves the image unchanged.
+PINHOLE = CalibratedLens(MODELS[0], (2.0, 2.0), (1.0, 0.0, 0.0, 1.0), (1.0, 1.0))
 
 
 def curve_node(tree):
@@ -61,12 +67,29 @@ def new_curve(points=((0.0, 0.0), (1.0, 1.0))):
     return tree
 
 
+def calibrated_lens(text: str) -> CalibratedLens:
+    """The lens in the property ``calibration``, whose text keeps all digits. Raises UserError."""
+    try:
+        return read_lens(parsed(text), "lens")
+    except PresetError as error:
+        raise UserError(
+            "The calibration cannot be read: {0}; make the camera anew from its file", error
+        ) from error
+
+
+def calibration_text(lens: CalibratedLens) -> str:
+    """A lens as the property ``calibration`` holds it."""
+    return json.dumps(lens_data(lens))
+
+
 def take_kind(camera, mapping) -> None:
-    """Give a mapping the datablock that its kind needs, if it has none."""
+    """Give a mapping the datablock or the lens that its kind needs, if it has none."""
     if mapping.kind == "RADIAL_CURVE" and curve_node(mapping.curve) is None:
         mapping.curve = new_curve()
     elif mapping.kind == "GRID" and mapping.grid is None:
         mapping.grid = new_grid(camera)
+    elif mapping.kind == "CALIBRATION" and not mapping.calibration:
+        mapping.calibration = calibration_text(PINHOLE)
 
 
 def new_grid(camera, places=None):
@@ -151,6 +174,8 @@ def write_mappings(camera, mappings) -> None:
             mapping.curve = new_curve(stored.points)
         elif stored.kind == "GRID":
             mapping.grid = new_grid(camera, stored.points)
+        if stored.lens is not None:
+            mapping.calibration = calibration_text(stored.lens)
         mapping.kind = stored.kind
         for key, names in NUMBERS.items():
             if names[0] in stored.parameters:

@@ -18,7 +18,7 @@ from ...projection.volume.reparameterisation import Reparameterisation
 from ..blender.mesh_grid import grid_points
 from ..blender.scene_objects import absent_text, is_absent
 from ..volume.volume_object import is_evaluated
-from .mapping_edits import curve_node, read_numbers
+from .mapping_edits import calibrated_lens, curve_node, read_numbers
 from .st_map_image import st_map, st_map_number
 
 # Steps of the table of a curve widget, whose entries are exact.
@@ -30,7 +30,8 @@ KEPT_MAPPINGS = 32
 class _Described(NamedTuple):
     """A mapping described by all that it depends on, hashable.
 
-    numbers: by name. points, shape: of an array of float64; for an ST map ``shape`` is its number.
+    numbers: by name. points, shape: of an array of float64; for an ST map ``shape`` is its number. lens: the
+    text of a calibration.
     """
 
     kind: str
@@ -39,6 +40,7 @@ class _Described(NamedTuple):
     shape: tuple[int, ...]
     influence: float
     backwards: bool
+    lens: str
 
     def array(self) -> np.ndarray | None:
         return np.frombuffer(self.points).reshape(self.shape) if self.points else None
@@ -76,6 +78,7 @@ def stored_mappings(camera, depsgraph) -> tuple[ImageMapping, ...]:
                 points=given.array(),
                 influence=given.influence,
                 backwards=given.backwards,
+                lens=calibrated_lens(given.lens) if given.lens else None,
             )
         )
     return tuple(stored)
@@ -107,6 +110,7 @@ def _describe_one(mapping, original, camera, depsgraph) -> _Described:
         shape=shape or array.shape,
         influence=float(mapping.influence),
         backwards=bool(mapping.backwards),
+        lens=_lens_text(original) if kind == "CALIBRATION" else "",
     )
 
 
@@ -116,10 +120,19 @@ def _built(described: _Described) -> Reparameterisation:
         mapping: Reparameterisation = st_map(described.shape[0])
     else:
         try:
-            mapping = simple_mapping(described.kind, dict(described.numbers), described.array())
+            lens = calibrated_lens(described.lens) if described.lens else None
+            mapping = simple_mapping(described.kind, dict(described.numbers), described.array(), lens)
         except ValueError as error:
             raise UserError(str(error)[0].upper() + str(error)[1:]) from error
     return changed(mapping, described.influence, described.backwards)
+
+
+def _lens_text(mapping) -> str:
+    if not mapping.calibration:
+        raise UserError(
+            "'{0}' has no calibration: add it with Flexible Camera from Calibration", mapping.name
+        )
+    return mapping.calibration
 
 
 def _curve_points(mapping) -> np.ndarray:

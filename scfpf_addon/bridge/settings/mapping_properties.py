@@ -27,6 +27,7 @@ MAPPING_KINDS = (
         "A flat mesh over the picture whose moved vertices are the positions to look up",
     ),
     ("DISPLAY", "Curved Display", "Correct for a curved screen, so that its viewer sees a flat picture"),
+    ("CALIBRATION", "Calibrated Lens", "A measured lens, as Flexible Camera from Calibration reads it"),
 )
 
 
@@ -154,6 +155,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         soft_min=0.5,
         soft_max=4.0,
     )
+    calibration: text("Calibration", "The numbers of the measured lens, with all digits")
     curve: pointer(
         "Curve", "The node group that holds the radial curve", bpy.types.NodeTree, poll=_may_be_curve
     )

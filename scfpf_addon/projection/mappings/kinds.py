@@ -22,6 +22,7 @@ from ..file_values import (
 )
 from ..typing import Array
 from ..volume.reparameterisation import Reparameterisation
+from .calibrated import CalibratedLens, lens_data, read_lens
 from .grids import DeformedGrid
 from .radial import CurvedDisplay, Distortion, MagicLens, RadialCurve
 from .stack import InverseMapping, PartialMapping
@@ -55,10 +56,12 @@ KINDS: dict[str, Limits] = {
     },
     "DISPLAY": {"arc_degrees": Limit(0.1, 170.0), "distance": Limit(0.05, 1000.0)},
     "GRID": {},
+    "CALIBRATION": {},
 }
 # Those that a file may leave out.
 _DEFAULTS = {"centre_x": 0.5, "centre_y": 0.5} | dict.fromkeys(COEFFICIENTS, 0.0)
 _WITH_POINTS = ("RADIAL_CURVE", "GRID")
+_WITH_LENS = "CALIBRATION"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ class ImageMapping:
 
     kind: of KINDS. parameters: its numbers, angles in radians and without "_degrees". points: (K, 2) the
     curve of RADIAL_CURVE, (R, C, 2) the places of GRID, else None. influence: the share of their way that
-    places move. backwards: whether the mapping is inverted.
+    places move. backwards: whether the mapping is inverted. lens: that of CALIBRATION, else None.
     """
 
     name: str
@@ -76,15 +79,21 @@ class ImageMapping:
     points: Array | None = None
     influence: float = 1.0
     backwards: bool = False
+    lens: CalibratedLens | None = None
 
     def mapping(self) -> Reparameterisation:
         """The mapping itself. Raises ValueError for numbers that make no mapping."""
         return changed(
-            simple_mapping(self.kind, self.parameters, self.points), self.influence, self.backwards
+            simple_mapping(self.kind, self.parameters, self.points, self.lens), self.influence, self.backwards
         )
 
 
-def simple_mapping(kind: str, given: Mapping[str, float], points: Array | None = None) -> Reparameterisation:
+def simple_mapping(
+    kind: str,
+    given: Mapping[str, float],
+    points: Array | None = None,
+    lens: CalibratedLens | None = None,
+) -> Reparameterisation:
     """A mapping of a kind from its numbers (see ImageMapping). Raises ValueError."""
     centre = float(given.get("centre_x", 0.5)), float(given.get("centre_y", 0.5))
     if kind == "LENS":
@@ -94,6 +103,8 @@ def simple_mapping(kind: str, given: Mapping[str, float], points: Array | None =
         return Distortion((k1, k2, k3), (k4, k5, k6), given["radius"], centre)
     if kind == "DISPLAY":
         return CurvedDisplay(given["arc"], given["distance"])
+    if kind == _WITH_LENS and lens is not None:
+        return lens
     if kind not in _WITH_POINTS:
         raise ValueError(f"unknown mapping {kind!r}")
     if points is None:
@@ -121,7 +132,7 @@ def _read(data: object, where: str) -> ImageMapping:
     kind = read_choice(data["kind"], f"{where}: kind", tuple(KINDS))
     limits = KINDS[kind]
     required = [name for name in limits if name not in _DEFAULTS]
-    required += ["points"] if kind in _WITH_POINTS else []
+    required += ["points"] if kind in _WITH_POINTS else ["lens"] if kind == _WITH_LENS else []
     optional = [name for name in limits if name in _DEFAULTS]
     values = _DEFAULTS | read_object(
         data, where, ("name", "kind", *required), (*optional, "influence", "backwards")
@@ -137,6 +148,7 @@ def _read(data: object, where: str) -> ImageMapping:
         points=points,
         influence=read_number(values.get("influence", 1.0), f"{where}: influence", INFLUENCE),
         backwards=backwards,
+        lens=read_lens(values["lens"], f"{where}: lens") if kind == _WITH_LENS else None,
     )
     try:
         read.mapping()
@@ -170,6 +182,8 @@ def mapping_data(mapping: ImageMapping) -> dict[str, object]:
     data |= parameter_data(mapping.parameters, KINDS[mapping.kind])
     if mapping.points is not None:
         data["points"] = mapping.points.tolist()
+    if mapping.lens is not None:
+        data["lens"] = lens_data(mapping.lens)
     if mapping.influence != 1.0:
         data["influence"] = mapping.influence
     if mapping.backwards:

@@ -76,7 +76,7 @@ class Radial(Reparameterisation):
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
         """The place that shows (u, v), (N,) each, NaN if no place does."""
         wanted = self._radius(u, v, aspect)
-        radius = self._inverse(wanted)
+        radius = self.inverse_radius(wanted)
         centre = wanted < CENTRE
         share = np.divide(radius, wanted, out=np.ones_like(wanted), where=~centre)
         return self._moved(u, v, share)
@@ -90,7 +90,7 @@ class Radial(Reparameterisation):
         cx, cy = self.centre
         return cx + (x - cx) * share, cy + (y - cy) * share
 
-    def _inverse(self, wanted: Array) -> Array:
+    def inverse_radius(self, wanted: Array) -> Array:
         """The least radii at which f has the values wanted (N,); nan beyond its largest one."""
         top = self.limit
         line = np.linspace(0.0, 1.0, BRACKETS)
@@ -102,18 +102,23 @@ class Radial(Reparameterisation):
         cell = np.clip(cell, 1, BRACKETS - 1)
         low, high = radii[cell - 1], radii[cell]
         r = 0.5 * (low + high)
+        # Most are found in a few steps, after which only the others go on.
+        left = np.flatnonzero(~missing)
+        low, high, goal = low[left], high[left], wanted[left]
         for _ in range(INVERSE_STEPS):
-            share, slope, _ = self.profile(r)
-            off = r * share - wanted
-            low, high = np.where(off <= 0.0, r, low), np.where(off >= 0.0, r, high)
+            now = r[left]
+            share, slope, _ = self.profile(now)
+            off = now * share - goal
+            low, high = np.where(off <= 0.0, now, low), np.where(off >= 0.0, now, high)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                step = r - off / slope
+                step = now - off / slope
             inside = (step >= low) & (step <= high)
             moved = np.where(inside, step, 0.5 * (low + high))
-            done = np.abs(moved - r) <= INVERSE_ERROR * top
-            r = moved
-            if (done | missing).all():
+            r[left] = moved
+            going = np.flatnonzero(np.abs(moved - now) > INVERSE_ERROR * top)
+            if not len(going):
                 break
+            left, low, high, goal = left[going], low[going], high[going], goal[going]
         return np.where(missing, np.nan, r)
 
 
@@ -189,8 +194,8 @@ class Distortion(Radial):
     these six and the inverse direction. The image ends where f stops rising.
     """
 
-    numerator: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    denominator: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    numerator: tuple[float, ...] = (0.0, 0.0, 0.0)
+    denominator: tuple[float, ...] = (0.0, 0.0, 0.0)
     radius: float = 1.0
     centre: tuple[float, float] = (0.5, 0.5)
 

@@ -173,6 +173,17 @@ def screen(_addon):
     select("Empty", "Plane")
 
 
+def lit(_addon):
+    """A wall between a viewer and a video projector that both see it."""
+    bpy.ops.mesh.primitive_plane_add(size=3.0)
+    for name, across in (("Viewer", -0.5), ("Device", 0.5)):
+        camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        bpy.context.scene.collection.objects.link(camera)
+        camera.location = across, 0.0, 4.0
+    bpy.context.scene.camera = bpy.data.objects["Viewer"]
+    select("Plane", "Device")
+
+
 RIG, SKIPPING, FLEXIBLE = "cycles.rig_data", "cycles.skipping", "bridge.camera.flexible_camera"
 BLEND, KEPT = "bridge.blends.camera_blend", "bridge.aim.kept_volume"
 LAYERS = "cycles.layers"
@@ -313,6 +324,22 @@ CASES = {
         "bridge.camera.screen_camera.look_at bridge.camera.screen_camera.volume_from_screen "
         f"bridge.camera.screen_camera._screen_group {FLEXIBLE}.make_flexible "
         "bridge.camera.shown_lens.approximate_lens operators.common.tool.show_in_local_view",
+    ),
+    "Picture for Video Projector": (
+        lit,
+        lambda: OPERATORS.video_projector_picture(width=40, height=30),
+        "bridge.render.video_projector.lit_surfaces bridge.render.video_projector.device_view "
+        "shading.picking.video_projector.seen_places bridge.render.video_projector.write_map",
+    ),
+    "Camera from Calibration": (
+        screen,
+        lambda: OPERATORS.camera_from_calibration(
+            source="NUMBERS", radial=(-0.2, 0, 0, 0, 0, 0), st_maps="BOTH"
+        ),
+        "bridge.camera.calibrated_camera.set_image_size bridge.camera.calibrated_camera.volume_from_lens "
+        f"{FLEXIBLE}.make_flexible bridge.camera.calibrated_camera._show_frame "
+        "bridge.camera.calibrated_camera.write_lens_maps bridge.mappings.st_map_image._st_values "
+        "operators.common.tool.show_in_local_view",
     ),
     "Add Flexible Camera": (
         screen,

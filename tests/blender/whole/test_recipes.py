@@ -203,6 +203,17 @@ def test_the_street_rises_between_two_cameras(way):
     assert (np.diff(down) > 0).all()
 
 
+def test_the_calibrated_lens_sees_where_its_polynomial_says(way):
+    """Kannala and Brandt's polynomial, with the numbers of the file."""
+    camera = performed("calibrated-lens")
+    angle = np.array([0.2, 0.7, 1.1])
+    radius = angle * (1 + 0.0412 * angle**2 - 0.0187 * angle**4 + 0.0079 * angle**6 - 0.0013 * angle**8)
+    x = (517.3 + 406.7 * radius) / 1024
+    found = np.array(camera.matrix_world.to_3x3()).T @ way(camera, x, 1 - 281.8 / 576)
+    wanted = np.stack([np.sin(angle), np.zeros(3), -np.cos(angle)])
+    assert np.allclose(found, wanted, atol=1e-6)
+
+
 def test_any_preset_is_two_clicks_away(way):
     """A mirror ball: what is behind is at the rim."""
     ahead = way(performed("any-preset"), np.array([0.501, 0.501]), np.array([0.5, 0.999]))

@@ -290,6 +290,18 @@ STORED = [
     {"name": "D", "kind": "DISTORTION", "radius": 1.5, "k1": 0.1, "k4": -0.02, "backwards": True},
     {"name": "Screen", "kind": "DISPLAY", "arc_degrees": 90, "distance": 1.25},
     {"name": "G", "kind": "GRID", "points": [[[0, 0], [1, 0]], [[0, 1], [1.1, 1]]], "influence": 0.5},
+    {
+        "name": "C",
+        "kind": "CALIBRATION",
+        "lens": {
+            "model": "EQUIDISTANT",
+            "size": [640, 480],
+            "matrix": [200.1, 0.5, 0, 201],
+            "centre": [321, 239.5],
+            "numerator": [0.01, -0.002],
+            "frame": [0, 0, 4, 4],
+        },
+    },
 ]
 
 
