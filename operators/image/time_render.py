@@ -10,7 +10,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid, scene_by_uid
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.render.image_size import image_size
-from ...scfpf_addon.bridge.render.render_inputs import read_inputs, ready_size
+from ...scfpf_addon.bridge.render.render_inputs import read_inputs, synced_image_size
 from ...scfpf_addon.bridge.scene.render_depsgraph import with_render_depsgraph
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.time_map import IMAGE, ROLLING, SLIT, shares_of_time, time_steps
@@ -82,7 +82,7 @@ class SCFPF_OT_time_render(OfTime, RenderSeries, bpy.types.Operator):
     def plan(self, context):
         camera = flexible_camera_of(context)
         self._scene = context.scene.session_uid
-        size = ready_size(context.scene, camera)
+        size = synced_image_size(context.scene, camera)
         self._steps = time_steps(self.shares(size), self.steps)
         if context.scene.render.use_motion_blur:
             self.report({"WARNING"}, "Motion blur is left out of pictures over time")

@@ -17,7 +17,7 @@ from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import AnchorSet, Shot, completed_sets
-from ..bridge.render.render_inputs import RenderInputs, read_inputs, ready_size
+from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..bridge.volume.screens import screens_of
 from ..casting.common.ray_visibility import CAMERA, visible_to
@@ -141,7 +141,7 @@ class AnchoredRender:
     def _read(self, camera) -> tuple[RenderInputs, np.ndarray]:
         """The inputs of the picture, and the axes (3, 3) of its camera. Raises USER_ERRORS."""
         scene = self._passing.scene
-        size = ready_size(scene, camera)
+        size = synced_image_size(scene, camera)
         names = tuple(each.source for each in self._passing.passes.data)
 
         def read(depsgraph):
@@ -213,7 +213,7 @@ class AnchoredRender:
     def _read_frames(self, camera, frames: Sequence[int]) -> list[RenderInputs]:
         """The inputs of other frames. Raises USER_ERRORS."""
         scene = self._passing.scene
-        size = ready_size(scene, camera)
+        size = synced_image_size(scene, camera)
         present = scene.frame_current
 
         def read(depsgraph, set_frame):

@@ -16,7 +16,7 @@ import numpy as np
 from ..camera.stereo_views import SideView
 from ..scene.render_depsgraph import with_render_depsgraph
 from .image_size import require_size
-from .render_inputs import RenderInputs, read_inputs, ready_size, with_light_warnings
+from .render_inputs import RenderInputs, read_inputs, synced_image_size, with_light_warnings
 
 
 class Quilt(NamedTuple):
@@ -52,7 +52,7 @@ def read_quilt(scene, view_layer, camera, quilt: Quilt) -> list[RenderInputs]:
 
     They are without motion blur.
     """
-    width, height = ready_size(scene, camera)
+    width, height = synced_image_size(scene, camera)
     require_size(quilt.columns * width, quilt.rows * height)
 
     def read(depsgraph) -> list[RenderInputs]:

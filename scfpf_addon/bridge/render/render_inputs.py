@@ -49,7 +49,7 @@ class RenderInputs:
     is_ordinary: bool = False
 
 
-def ready_size(scene, camera) -> tuple[int, int]:
+def synced_image_size(scene, camera) -> tuple[int, int]:
     """The size of a scene's image, after the volume objects of a camera and its layers are restored.
 
     They keep hidden surfaces evaluated, and may have been deleted. Raises UserError.
@@ -78,7 +78,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     pixel_error: overrides the camera's own. Of a scene with several views it is the camera's own view,
     between the eyes. Raises USER_ERRORS.
     """
-    size = ready_size(scene, camera)
+    size = synced_image_size(scene, camera)
 
     def read(depsgraph, set_frame) -> RenderInputs:
         inputs = read_inputs(depsgraph, camera, size, pixel_error=pixel_error)

@@ -17,7 +17,7 @@ from ...bridge.blender import versions
 from ...bridge.camera.ordinary_camera import is_own_frustum, is_own_view, placement
 from ...bridge.layers.read_image_layers import ReadLayers, read_image_layers
 from ...bridge.render.image_size import shown_aspect
-from ...bridge.render.render_inputs import read_view, ready_size
+from ...bridge.render.render_inputs import read_view, synced_image_size
 from ...bridge.scene.instances import NO_THINGS, MeshTable, instances, is_finite
 from ...bridge.scene.mesh_arrays import read_mesh
 from ...bridge.scene.read_visibility import ShownInRenders, has_hair
@@ -199,7 +199,7 @@ def _gap(box: Box, blocks: list[Array]) -> float:
 def read_views(passing: TemporaryScene, camera) -> ReadViews:
     """Read an image of the passing scene through a camera with layers. Raises USER_ERRORS."""
     scene = passing.scene
-    size = ready_size(scene, camera)
+    size = synced_image_size(scene, camera)
     return with_render_depsgraph(
         scene, scene.view_layers[0], lambda depsgraph: _read(depsgraph, camera, size)
     )

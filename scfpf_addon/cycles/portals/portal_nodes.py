@@ -145,11 +145,11 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         is_sheet, screen, nodes.attribute(PLACE, "FLOAT_VECTOR"), "VECTOR", "Sheet or Screen"
     )
     placed = nodes.set_position(geometry, place, "In Place")
-    placed = _apart(nodes, remove_attributes(nodes, placed, PLACE))
+    placed = _instance_for_own_bvh(nodes, remove_attributes(nodes, placed, PLACE))
     return {"Geometry": nodes.switch(given["Probe"], placed, probe, "GEOMETRY", "Probe?")}
 
 
-def _apart(nodes: GeometryBuilder, geometry: Value) -> Value:
+def _instance_for_own_bvh(nodes: GeometryBuilder, geometry: Value) -> Value:
     """Instances of the sheets in renders, so that Cycles puts them into a tree of their own.
 
     A second instance, of no size, brings that about. Cycles merges a mesh with one user into the scene's,
