@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -125,7 +126,21 @@ def priced(plan: RenderPlan) -> tuple[RenderPlan, float, float]:
             raise UserError("The picture that tells the price cannot be rendered: see above")
         # The task has opened the file, too; the first time may read it from a slow disk.
         seconds = max(time.monotonic() - begun - min(opening, _opened(plan.scene)), 0.0)
-    return plan._replace(memory=int(MARGIN * _peak())), opening, seconds
+    return plan._replace(memory=int(MARGIN * _peak())), opening + _starting(), seconds
+
+
+def _starting() -> float:
+    """The seconds that Blender takes to start, 0 if Blender is a module of Python."""
+    if not bpy.app.binary_path:
+        return 0.0
+    begun = time.monotonic()
+    subprocess.run(
+        [bpy.app.binary_path, "--background", "--python-expr", "pass"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=False,
+    )
+    return time.monotonic() - begun
 
 
 def _opened(scene_file: str) -> float:

@@ -149,6 +149,9 @@ def open_scene(options, camera):
     if scene.render.is_movie_format:
         raise Fault("the file writes a movie: choose a format of pictures in Output Properties")
     scene.render.use_file_extension = True
+    if hasattr(scene.render, "save_output"):
+        # From Blender 5 on a file may leave writing to the compositor.
+        scene.render.save_output = True
     return scene
 
 

@@ -61,8 +61,9 @@ def blender(tmp_path):
     """The command of a worker's Blender."""
     if bpy.app.binary_path:
         return bpy.app.binary_path
-    path = tmp_path / "blender"
-    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{WORKER}" "$@"\n')
+    path = tmp_path / ("blender.bat" if os.name == "nt" else "blender")
+    line = f'"{sys.executable}" "{WORKER}"'
+    path.write_text(f"@{line} %*\n" if os.name == "nt" else f'#!/bin/sh\nexec {line} "$@"\n')
     path.chmod(0o755)
     return str(path)
 
@@ -206,6 +207,16 @@ def test_a_task_that_is_killed_leaves_whole_pictures_and_runs_again(addon, task,
     assert task(saved, tmp_path, "--way", "engine", last=len(left) + 1) == 0
     assert np.array_equal(pixels(left[2]), before)
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".film")]
+
+
+def test_a_file_that_writes_no_pictures_by_itself_does_as_a_job(task, saved, tmp_path):
+    render = bpy.context.scene.render
+    render.use_file_extension = False
+    if hasattr(render, "save_output"):
+        render.save_output = False
+    bpy.ops.wm.save_mainfile()
+    assert task(saved, tmp_path, "--way", "engine", last=1) == 0
+    assert (tmp_path / "film_0001.png").exists()
 
 
 def test_a_worker_without_the_extension_says_so_first(saved, blender, addon, tmp_path):

@@ -23,7 +23,13 @@ def enable(bpy, folder):
     bpy.context.preferences.extensions.repos.new(
         name="checkout", module="checkout", custom_directory=str(folder / "repository"), remote_url=""
     )
-    (folder / "repository" / "scfpf").symlink_to(ROOT, target_is_directory=True)
+    link = folder / "repository" / "scfpf"
+    if os.name == "nt":
+        import _winapi
+
+        _winapi.CreateJunction(str(ROOT), str(link))
+    else:
+        link.symlink_to(ROOT, target_is_directory=True)
     bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf")
     if "SCFPF_EEVEE" in os.environ:
         versions = sys.modules["bl_ext.checkout.scfpf.scfpf_addon.bridge.blender.versions"]
