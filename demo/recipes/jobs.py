@@ -65,6 +65,13 @@ def _gradient() -> None:
     field.angle, field.center, field.border = math.radians(90.0), (0.5, 0.55), 0.4
 
 
+def _add_view() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.camera_add(preset="VIEW"))
+    bpy.context.scene.camera = bpy.context.object
+
+
 def _by_distance() -> None:
     import bpy
 
@@ -92,6 +99,14 @@ def _over_time() -> None:
     done(bpy.ops.scfpf.time_render(way="ROLLING", span=SHUTTER, steps=bpy.context.scene.render.resolution_y))
 
 
+def _tiles() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.dimetric(tile=TILE))
+
+
+# The width of a tile of one metre in pixels.
+TILE = 24
 # How many frames the rolling shutter of the propeller takes.
 SHUTTER = 9.0
 # Distances and fields of view, in degrees, of the recipe of the fist.
@@ -185,6 +200,29 @@ RECIPES = (
         "from the frames that EEVEE or Cycles have rendered.",
     ),
     Recipe(
+        "curved-world",
+        "A small round world",
+        "The ground falls away over a near horizon, as in games whose world rolls towards you.",
+        scenes.street,
+        (size(960, 540), *add_as_made("curved_world"), place((0.0, -27.0, 8.0), down=20.0), render()),
+        "What comes nearer rises over the horizon. Move the surfaces in between and at the end up or down to "
+        "make the world rounder or flatter.",
+    ),
+    Recipe(
+        "unwrapped-car",
+        "A thing from all round, unwrapped",
+        "Front, sides, back, top and bottom in one picture, as a map shows a globe.",
+        scenes.lone_car,
+        (
+            size(1000, 500),
+            select("Select the thing: the car.", collection="Car"),
+            add("inward_sphere"),
+            render(),
+        ),
+        "The sphere of *Inward Sphere* lies around what was selected, and each of its points looks to the "
+        "middle. With EEVEE or Cycles the picture is a texture for the thing, seen from without.",
+    ),
+    Recipe(
         "long-pan",
         "A bent background for a long pan",
         "One wide background over which a camera move slides, as in hand-drawn films.",
@@ -276,6 +314,24 @@ RECIPES = (
         scenes.street,
         (size(1040, 585), add("panini"), place((-2.4, -4.4, 1.4), -30.0), render()),
         "*Panini, Half Compressed* bows level lines less. *Panini, Vertical* is for naves and towers.",
+    ),
+    Recipe(
+        "game-tiles",
+        "A town for an isometric game",
+        "Tiles of the ground with an exact size in pixels, twice as wide as high.",
+        scenes.street,
+        (
+            size(960, 540),
+            Step("Choose *Add › Camera › Flexible Camera*.", _add_view),
+            Step(
+                "Choose *Dimetric for Tiles* in the menu *Projection Preset*. At the bottom left open "
+                f"*Adjust Last Operation* and enter *Tile Width* {TILE}.",
+                _tiles,
+            ),
+            render(),
+        ),
+        "The view is the preset *Dimetric 2:1*. A tile is one unit of the scene or *Tile Side*. Sprites that "
+        "are rendered alone, with *Film › Transparent*, fit each other anywhere.",
     ),
     Recipe(
         "oblique",

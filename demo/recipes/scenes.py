@@ -71,6 +71,26 @@ def head():
     return scene
 
 
+def lone_car():
+    """The street's car in the air, with light from above, from the left and from below."""
+    import bpy
+
+    scene = build_street()
+    kept = set(bpy.data.collections["Car"].all_objects)
+    for obj in list(scene.objects):
+        if obj not in kept:
+            bpy.data.objects.remove(obj)
+    for name, turn, energy in (
+        ("Above", (0.5, 0.3, 0.0), 3.0),
+        ("Side", (1.3, 0.0, -1.0), 1.5),
+        ("Below", (2.7, 0.2, 0.4), 1.2),
+    ):
+        sun = bpy.data.objects.new(name, bpy.data.lights.new(name, "SUN"))
+        sun.data.energy, sun.rotation_euler = energy, turn
+        scene.collection.objects.link(sun)
+    return scene
+
+
 def boxer():
     """The street with a figure whose fist is before an ordinary camera."""
     import bmesh

@@ -81,21 +81,29 @@ def size(width: int, height: int) -> Step:
     return Step(f"In *Output Properties* set the resolution to {width} × {height}.", act)
 
 
-def place(location: Number3, turn: float = 0.0) -> Step:
-    """Place the active camera level. turn: about the vertical, in degrees."""
+def place(location: Number3, turn: float = 0.0, down: float = 0.0) -> Step:
+    """Place the active camera. turn: about the vertical, down: below level, in degrees."""
 
     def act() -> None:
         import bpy
 
         camera = bpy.context.object
-        camera.location, camera.rotation_euler = location, (math.pi / 2, 0.0, math.radians(turn))
+        camera.location, camera.rotation_euler = (
+            location,
+            (
+                math.radians(90.0 - down),
+                0.0,
+                math.radians(turn),
+            ),
+        )
 
     numbers = ", ".join(f"{value:g}" for value in location)
-    return Step(
-        f"Press N. In the tab *Item* enter *Location* {numbers} and *Rotation* 90°, 0°, {turn:g}°. "
-        "The camera is level: in a scene of yours choose the place alone.",
-        act,
+    angles = f"{90 - down:g}°, 0°, {turn:g}°"
+    more = (
+        "Look down a little." if down else "The camera is level: in a scene of yours choose the place alone."
     )
+    text = f"Press N. In the tab *Item* enter *Location* {numbers} and *Rotation* {angles}. {more}"
+    return Step(text, act)
 
 
 def scale(factor: float) -> Step:

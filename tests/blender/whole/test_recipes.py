@@ -125,6 +125,41 @@ def test_each_row_of_the_propeller_is_taken_at_its_own_time():
         assert np.abs(rolled[row] - still[row]).mean() < min(others)
 
 
+def test_the_world_falls_away_with_the_squared_distance(seen):
+    camera = performed("curved-world")
+    # The highest of three points of the middle projector lies on a parabola over the way ahead.
+    near, middle, far = seen(camera, 0.5, 0.5, (0.0, 0.5, 1.0))
+    to_camera = np.array(camera.matrix_world.inverted())
+    own = to_camera[:3, :3] @ np.hstack([near, middle, far]) + to_camera[:3, 3:]
+    ahead, up = -own[2], own[1]
+    assert up == pytest.approx(ahead**2 / 120, rel=1e-4)
+
+
+def test_the_car_is_seen_from_all_round(way):
+    ahead = way(performed("unwrapped-car"), [0.5, 0.75, 0.5, 0.5], [0.5, 0.5, 0.999, 0.001])
+    inwards = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1]]).T
+    turned = np.abs((ahead[:, :2] * inwards[:, :2]).sum(axis=0))
+    # The camera looks along one of the world's axes.
+    assert (
+        np.allclose(turned, turned[0], atol=1e-4)
+        and (ahead[:, 2:] * inwards[:, 2:]).sum(axis=0).min() > 0.999
+    )
+
+
+def test_tiles_of_the_town_are_twice_as_wide_as_high(addon, seen):
+    camera = performed("game-tiles")
+    middle = sum(seen(camera, 0.5, 0.5))[:, 0] / 2
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    projection = addon("bridge.camera.read_projection").read_projection(camera, depsgraph, 16 / 9)
+    points = (middle + np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0)])).T
+    found = addon("projection.volume.inverse").find_in_image(projection, points)
+    place = np.array([found.x * 960, found.y * 540]) * SMALL / 100
+    first, second = place[:, 1] - place[:, 0], place[:, 2] - place[:, 0]
+    # One unit along an axis is half a tile across and a quarter of its width up or down.
+    assert np.abs(first) == pytest.approx([12, 6], rel=1e-3)
+    assert np.abs(second) == pytest.approx([12, 6], rel=1e-3)
+
+
 def test_the_long_pan_turns_by_a_hundred_degrees(way):
     ahead = way(performed("long-pan"), [0.0, 0.5, 1.0], 0.5)
     assert np.degrees(np.arctan2(ahead[0], ahead[1])) == pytest.approx([-50, 0, 50], abs=0.01)
