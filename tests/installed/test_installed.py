@@ -7,6 +7,7 @@ import pathlib
 import re
 import shutil
 import sys
+import types
 import zipfile
 
 import bpy
@@ -116,7 +117,7 @@ def test_another_version_over_it_while_the_caster_is_in_use(installed, this_zip,
 
 
 def labels(installed):
-    """The labels of the Render part of the panel."""
+    """The labels of the panel's popover of messages."""
     said = []
 
     class Layout:
@@ -126,8 +127,8 @@ def labels(installed):
         def label(self, text="", **_options):
             said.append(text)
 
-    panel = importlib.import_module(f"{installed}.panels.render_button")
-    panel.draw_render(Layout(), bpy.context.scene.camera)
+    panel = importlib.import_module(f"{installed}.panels.messages").SCFPF_PT_messages
+    panel.draw(types.SimpleNamespace(layout=Layout()), bpy.context)
     return " ".join(said)
 
 

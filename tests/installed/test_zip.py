@@ -30,6 +30,7 @@ def shipped_files():
         *ROOT.glob("presets/*.json"),
         *ROOT.glob("presets/thumbnails/*.png"),
         *ROOT.glob("panels/languages/*.po"),
+        *ROOT.glob("scfpf_addon/farm/*.js"),
         *(ROOT / name for name in ("__init__.py", "LICENSE", "THIRD_PARTY_NOTICES")),
     ]
     return {path.relative_to(ROOT).as_posix() for path in (*code, *data)}
