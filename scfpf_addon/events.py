@@ -16,7 +16,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .bridge.aim import live_aim
-from .bridge.blender import unstored_edits
+from .bridge.blender import scene_objects, unstored_edits
 from .bridge.live import live_drawing
 from .bridge.mappings import st_map_image
 from .bridge.overlays import viewport_overlay
@@ -110,12 +110,13 @@ def _handler(functions: tuple[Callable, ...], count: int) -> Callable:
 
     @persistent
     def handler(*arguments) -> None:
-        for function in functions:
-            try:
-                function(*arguments[:count])
-            except Exception:
-                # As Blender does with handlers of their own: one that fails keeps no other from its work.
-                traceback.print_exc()
+        with scene_objects.event():
+            for function in functions:
+                try:
+                    function(*arguments[:count])
+                except Exception:
+                    # As Blender does with handlers of their own: one that fails keeps no other from its work.
+                    traceback.print_exc()
 
     return handler
 

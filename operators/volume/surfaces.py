@@ -82,14 +82,16 @@ class SCFPF_OT_surface_attach(Tool, bpy.types.Operator):
         return True
 
     def edit(self, context, camera):
+        # Surfaces that are hidden with their camera are no longer selected once they are attached.
+        candidates = _candidates(context)
         camera.scfpf.edit_volume = True
         errors = []
-        for obj in _candidates(context):
+        for obj in candidates:
             try:
                 attach_surface(camera, obj)
             except UserError as error:
                 errors.append(error)
-        if len(errors) == len(_candidates(context)):
+        if len(errors) == len(candidates):
             raise errors[-1]
         for error in errors:
             refused(self, error)

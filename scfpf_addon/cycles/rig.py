@@ -15,6 +15,7 @@ import numpy as np
 
 from ..bridge.blender import versions
 from ..bridge.blender.all_or_nothing import Kept, all_or_nothing, at_end
+from ..bridge.blender.scene_objects import has_removed
 from ..bridge.blender.user_errors import translated_report
 from ..bridge.render.image_size import image_size
 from ..bridge.sync.camera_sync import sync as sync_volumes
@@ -68,6 +69,8 @@ STALE = Message("The animated volume has changed: press Update Chords")
 _seen: dict[int, tuple] = {}
 # Session ids of the tables that ``release_pointers`` returned during undo and redo, by that of the rig.
 _released: dict[int, int] = {}
+# Session ids of rigs whose materials are to be noted after the next update.
+_unnoted: set[int] = set()
 # Blocks that write rigs. An evaluation meanwhile may show probes, which handlers must not take for sheets.
 _writing: list[object] = []
 
@@ -273,7 +276,7 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
             shows_others = _may_show_others(depsgraph)
             _follow(rig, depsgraph, shows_others or may_move_smoke(depsgraph), may_remove)
             watch(rig, depsgraph, has_new_frame=not may_remove)
-            if shows_others:
+            if shows_others or rig.session_uid in _unnoted:
                 _note_materials(rig)
             if may_remove and may_change_smoke(depsgraph, shows_others):
                 _note_changing_smoke(rig, depsgraph)
@@ -368,7 +371,11 @@ def _note_changing_smoke(rig, depsgraph) -> None:
 
 
 def _note_materials(rig) -> None:
-    """Note the materials that the rig disturbs, and drawings that it does not show."""
+    """Note the materials that the rig disturbs, and drawings that it does not show, if that is safe."""
+    if has_removed():
+        _unnoted.add(rig.session_uid)
+        return
+    _unnoted.discard(rig.session_uid)
     found = {
         "raycast": disturbed_materials.raycasting(rig),
         "asks_camera": disturbed_materials.asking_camera(rig),

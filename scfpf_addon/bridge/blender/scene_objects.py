@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import bpy
 
@@ -39,6 +40,29 @@ def originals(evaluated: Iterable) -> list:
         if isinstance(first, bpy.types.ID) and first.id_type in kinds:
             found += [each for each in members if (each.id_type, each.name, each.library) in wanted]
     return found
+
+
+# The number of objects as the present event began, 0 outside of events.
+_count = 0
+
+
+@contextmanager
+def event() -> Iterator[None]:
+    """Note the objects that there are, for a block in which handlers respond to an event."""
+    global _count
+    before, _count = _count, len(bpy.data.objects)
+    try:
+        yield
+    finally:
+        _count = before
+
+
+def has_removed() -> bool:
+    """Return whether handlers have removed objects during the present event.
+
+    An evaluated depsgraph still has them: to read its instances would follow pointers into freed memory.
+    """
+    return len(bpy.data.objects) < _count
 
 
 def delete_with_data(obj) -> None:

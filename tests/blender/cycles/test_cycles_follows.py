@@ -124,3 +124,47 @@ def test_sheets_follow_what_is_made_of_a_whole_volume(addon, camera, name):
     off = sheets_off(addon, camera)
     print(name, off)
     assert off < (LENS_OFF if "mapping" in name else OFF)
+
+
+def test_materials_are_noted_later_if_a_handler_has_removed_objects(addon, camera, monkeypatch):
+    """Blender follows freed pointers if the instances of a depsgraph are read that has objects of before."""
+    flexible = addon("bridge.camera.flexible_camera")
+    for size in (1.0, 4.0):
+        flexible.add_surface(camera, "PLANE", parameters={"width": size, "height": size})
+    camera.scfpf.surfaces[1].object.location.z = -8.0
+    camera.scfpf.surfaces[0].object.location.z = -1.0
+    bpy.context.view_layer.update()
+    switch(camera)
+    rigs, sync = addon("cycles.rig"), addon("bridge.sync.camera_sync")
+    noted = []
+    found = rigs.seen_data.strokes
+    monkeypatch.setattr(rigs.seen_data, "strokes", lambda scene: noted.append(1) or found(scene))
+    other = bpy.data.objects.new("Other", None)
+    bpy.context.scene.collection.objects.link(other)
+    bpy.context.view_layer.update()
+    noted.clear()
+
+    def removing(scene, depsgraph, own=sync.scene_updated):
+        own(scene, depsgraph)
+        if "Other" in bpy.data.objects:
+            bpy.data.objects.remove(bpy.data.objects["Other"])
+
+    events = addon("events")
+    functions = tuple(
+        removing if each is sync.scene_updated else each for each in events.UPDATES["depsgraph_update_post"]
+    )
+    handler = events._handler(functions, 2)
+    handlers = bpy.app.handlers.depsgraph_update_post
+    kept = list(handlers)
+    handlers.clear()
+    handlers.append(handler)
+    try:
+        bpy.data.materials.new("New").roughness = 0.3
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new("More", None))
+        bpy.context.view_layer.update()
+        assert "Other" not in bpy.data.objects and not noted
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new("Last", None))
+        bpy.context.view_layer.update()
+        assert noted
+    finally:
+        handlers[:] = kept

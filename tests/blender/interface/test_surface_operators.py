@@ -153,6 +153,16 @@ def test_attach_takes_a_mesh_and_refuses_the_rest():
     assert "Select an object" in poll_message(bpy.ops.scfpf.surface_attach)
 
 
+def test_attach_to_a_hidden_camera_hides_the_mesh_with_it():
+    camera = add_camera()
+    bpy.ops.mesh.primitive_grid_add()
+    grid = bpy.context.object
+    bpy.context.scene.camera = camera
+    camera.hide_set(True)
+    assert bpy.ops.scfpf.surface_attach() == {"FINISHED"}
+    assert surface_names(camera) == ["Near", "Far", grid.name]
+
+
 def test_surface_operators_without_surfaces_or_with_a_deleted_one():
     camera = add_camera()
     bpy.data.objects.remove(bpy.data.objects["Near"])
