@@ -73,6 +73,16 @@ def delete_with_data(obj) -> None:
         bpy.data.batch_remove([data])
 
 
+def remove_group(group) -> None:
+    """Remove a node group that nothing uses.
+
+    In a file with several scenes it stays until the file is saved: the depsgraph of a scene that no window
+    shows goes on to evaluate it, and Blender would crash.
+    """
+    if len(bpy.data.scenes) == 1:
+        bpy.data.node_groups.remove(group)
+
+
 def holds(objects, obj) -> bool:
     """Return whether an object is among a scene's or a collection's."""
     found = objects.get(obj.name)

@@ -8,7 +8,7 @@ import bpy
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ..blender import versions
 from ..blender.node_builder import NodeBuilder
-from ..blender.scene_objects import delete_with_data, editable_collections, holds
+from ..blender.scene_objects import delete_with_data, editable_collections, holds, remove_group
 from .camera_members import grids_of
 
 
@@ -59,7 +59,7 @@ def delete_volume_object(volume) -> None:
     group = None if modifier is None else modifier.node_group
     delete_with_data(volume)
     if group is not None and group.users == 0 and group.is_editable:
-        bpy.data.node_groups.remove(group)
+        remove_group(group)
 
 
 def sync_volume_object(camera):
@@ -104,7 +104,7 @@ def _set_members(modifier, objects: list) -> None:
         return
     modifier.node_group = group
     if before is not None and before.users == 0:
-        bpy.data.node_groups.remove(before)
+        remove_group(before)
     for identifier, obj in zip(_object_inputs(group), objects, strict=True):
         versions.set_modifier_input(modifier, identifier, obj)
     # Setting an input in 4.5 leaves the depsgraph's relations as they were; assigning the group builds them.

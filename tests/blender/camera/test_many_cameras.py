@@ -247,3 +247,23 @@ def test_a_drawing_is_read_again_when_its_own_camera_is_edited(cameras, addon, m
     cameras[7].scfpf.show_projectors = False
     assert cameras[7].name not in reads()
     assert cameras[7] not in drawing.drawings.cameras(bpy.context.scene, bpy.context.view_layer)
+
+
+def test_a_scene_that_is_not_shown_is_evaluated_after_its_volume_has_changed():
+    """Its depsgraph evaluates the node group of before until then: Blender crashed without that group."""
+    bpy.ops.scfpf.camera_add()
+    camera, shown = bpy.context.object, bpy.context.scene
+    other = bpy.data.scenes.new("Other")
+    for obj in shown.objects:
+        other.collection.objects.link(obj)
+    other.view_layers[0].update()
+    for count in (3, 4, 3):
+        while len(camera.scfpf.surfaces) < count:
+            bpy.ops.scfpf.surface_add()
+        while len(camera.scfpf.surfaces) > count:
+            bpy.ops.scfpf.surface_remove()
+        shown.view_layers[0].update()
+        other.view_layers[0].update()
+        for scene in (shown, other):
+            volume = camera.scfpf.volume_object.evaluated_get(scene.view_layers[0].depsgraph)
+            assert volume.modifiers[0].node_group.name == f"SCFPF Volume {count}"
