@@ -273,12 +273,12 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
             if may_remove:
                 switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
-            shows_others = _may_show_others(depsgraph)
+            shows_others = _may_show_others(depsgraph) or rig.session_uid in _unnoted
             _follow(rig, depsgraph, shows_others or may_move_smoke(depsgraph), may_remove)
             watch(rig, depsgraph, has_new_frame=not may_remove)
-            if shows_others or rig.session_uid in _unnoted:
+            if shows_others:
                 _note_materials(rig)
-            if may_remove and may_change_smoke(depsgraph, shows_others):
+            if may_remove and may_change_smoke(depsgraph, shows_others) and not has_removed():
                 _note_changing_smoke(rig, depsgraph)
     if may_remove:
         hidden_surfaces.hide_surfaces(bool(rigs()))
@@ -357,7 +357,10 @@ def _note(rig, depsgraph, chords: ChordPlan) -> None:
 
 
 def _note_smoke(rig, projection: Projection) -> None:
-    """Note whether rays begin inside the volume of an object."""
+    """Note whether rays begin inside the volume of an object, if that is safe."""
+    if has_removed():
+        _unnoted.add(rig.session_uid)
+        return
     _note_values(rig.scfpf_rig, smoke=smoke_around(rig.scfpf_rig.scene, projection))
 
 
