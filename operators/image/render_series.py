@@ -16,7 +16,7 @@ from ...scfpf_addon.bridge.render.render_inputs import RenderInputs
 from ...scfpf_addon.bridge.render.result_image import keep_result, result_image, show_progress
 from ...scfpf_addon.projection.user_error import UserError
 from ...scfpf_addon.shading.typing import Single
-from ..common.errors import refused
+from ..common.errors import failed, refused
 from ..common.modal_job import ModalJob, in_window
 from ..common.target import flexible_camera_of, poll_flexible, take_up_edits
 from ..common.words import report_text, translated_report
@@ -75,6 +75,9 @@ class RenderSeries(ModalJob):
         except USER_ERRORS as error:
             render_job.forget()
             return refused(self, error)
+        except Exception as error:
+            render_job.forget()
+            return failed(self, error)
 
     def tick(self, context):
         if self._job.running:

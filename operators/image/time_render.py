@@ -37,6 +37,8 @@ class OfTime:
         name="Frames",
         description="How many frames the time lasts from the present one on, below 0 back from it",
         default=12.0,
+        min=-1e6,
+        max=1e6,
         soft_min=-250.0,
         soft_max=250.0,
     )
