@@ -8,7 +8,6 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid, scene_by_uid
-from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.render_inputs import read_inputs, synced_image_size
 from ...scfpf_addon.bridge.scene.render_depsgraph import with_render_depsgraph
@@ -83,20 +82,23 @@ class SCFPF_OT_time_render(OfTime, RenderSeries, bpy.types.Operator):
 
     def plan(self, context):
         camera = flexible_camera_of(context)
-        self._scene = context.scene.session_uid
+        self._scene, self._layer = context.scene.session_uid, context.view_layer.name
+        # The artist may go to another frame meanwhile.
+        self._first = context.scene.frame_current_final
         size = synced_image_size(context.scene, camera)
         self._steps = time_steps(self.shares(size), self.steps)
         if context.scene.render.use_motion_blur:
             self.report({"WARNING"}, "Motion blur is left out of pictures over time")
         return len(self._steps), size
 
-    def parts(self, context):
+    def parts(self, _context):
         for step in self._steps:
             camera, scene = object_by_uid(self._camera), scene_by_uid(self._scene)
-            if camera is None or scene is None:
+            layer = None if scene is None else scene.view_layers.get(self._layer)
+            if camera is None or layer is None:
                 raise UserError("The camera was deleted meanwhile")
             own = scene.frame_current_final
-            time = own + self.span * step.share
+            time = self._first + self.span * step.share
 
             def read(depsgraph, set_frame, camera=camera, own=own, time=time, border=step.border):
                 set_frame(math.floor(time), subframe=time - math.floor(time))
@@ -106,7 +108,7 @@ class SCFPF_OT_time_render(OfTime, RenderSeries, bpy.types.Operator):
                 finally:
                     set_frame(math.floor(own), subframe=own - math.floor(own))
 
-            yield with_render_depsgraph(scene, context.view_layer, read, with_time=True)
+            yield with_render_depsgraph(scene, layer, read, with_time=True)
 
     def paste(self, number, pixels):
         border, shown = self._steps[number].border, self._steps[number].shown
@@ -124,12 +126,11 @@ class SCFPF_OT_time_assemble(OfTime, Action, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def act(self, context):
-        note_edit()
         scene = context.scene
         first = scene.frame_current
         count = max(1, round(abs(self.span)))
         step = int(math.copysign(1, self.span))
-        picture = made = None
+        picture = None
         loaded = []
         try:
             for number in range(count):
