@@ -4,6 +4,8 @@
 Anchors that stand still show surfaces that stand still alike in all frames. Where some frames end, those
 before and those after are mixed for a while. Each frame of a volume that sees from one point has anchors of
 its own instead, which move with that point.
+
+A frame has the same anchors whichever frames are rendered, and in whatever order: farms render them apart.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor
 from .anchor_view import AnchorView, ViewSet, traced_views, without_unused
 from .completion import completed, looked_through
+from .kept_plan import KeptPlan
 from .plan import PlanLimits, have_one_eye, plan_anchors
 from .seen_scene import SeenScene
 
@@ -25,60 +28,146 @@ TOGETHER, FADE = 16, 9
 
 @dataclass(frozen=True)
 class AnchorSet:
-    """The anchors of some frames. rest: those that frames turned out to need besides. share: of the set in a
-    frame's picture."""
+    """The anchors of some frames. rest: those for what the first ones turned out not to show. share: of the
+    set in a frame's picture."""
 
     anchors: list[Anchor]
     rest: list[Anchor] = field(default_factory=list)
     share: float = 1.0
 
 
+@dataclass(frozen=True)
+class LookedAt:
+    """A frame that a chunk is planned for. made_for: the digest of what its plan depends on."""
+
+    scene: SeenScene
+    projection: Projection
+    made_for: str
+
+
 class Shot:
-    """The anchors of a shot of so many frames, which are rendered in their order; places count from 0."""
+    """The anchors of a shot, in chunks of frames, which begin at multiples of TOGETHER.
 
-    def __init__(self, count: int, limits: PlanLimits | None = None) -> None:
-        self._count, self._limits = count, limits or PlanLimits()
-        self._begun, self._planned = 0, 0
-        self._own: AnchorSet | None = None
-        self._before: AnchorSet | None = None
+    Chunks of even numbers are planned alone, the others with the anchors of both neighbours at hand. So a
+    frame takes the plans of three chunks at most, and neighbours share anchors.
+    """
 
-    def needs(self, place: int) -> list[int]:
-        """The places of the frames to plan for, [] if the frame of a place is planned for already."""
-        if place < self._planned:
-            return []
-        last = min(place + TOGETHER, self._count) - 1
-        return sorted({place, (place + last) // 2, last})
+    def __init__(self, first: int, last: int, step: int = 1, limits: PlanLimits | None = None) -> None:
+        """first, last: the frames of the whole shot, few of which may be rendered. step: between two."""
+        self._ends, self._step, self._limits = (first, last), step, limits or PlanLimits()
+        # By chunk; None if each frame has anchors of its own.
+        self._sets: dict[int, AnchorSet | None] = {}
+        self._made_for: dict[int, tuple[str, ...]] = {}
+
+    def missing(self, frame: int) -> list[int]:
+        """The chunks that are to be planned for a frame, in this order."""
+        own = self._chunk(frame)
+        wanted = [own]
+        if self._begun(frame) < FADE:
+            wanted += [chunk for chunk in self._neighbours(own) if chunk < own]
+        for chunk in wanted[:]:
+            wanted += self._neighbours(chunk) if chunk % 2 else []
+        evens_first = sorted(set(wanted), key=lambda chunk: (chunk % 2, chunk))
+        return [chunk for chunk in evens_first if chunk not in self._sets]
+
+    def frames(self, chunk: int) -> list[int]:
+        """The frames to plan a chunk for: its first, middle and last one within the shot."""
+        first, last = self._frames_of(chunk)
+        if self._is_within(chunk):
+            first, last = max(first, self._ends[0]), min(last, self._ends[1])
+        return sorted({first, (first + last) // 2, last})
 
     def plan(
         self,
-        place: int,
-        scenes: Sequence[SeenScene],
-        projections: Sequence[Projection],
+        chunk: int,
+        looked_at: Sequence[LookedAt],
         size: tuple[int, int],
         axes: Array,
+        kept: KeptPlan | None = None,
+        threads: int = 0,
     ) -> None:
-        """Plan for the frames that ``needs`` names. See ``plan_anchors``. Raises CastError and Cancelled."""
-        last = self.needs(place)[-1]
-        own = None
-        if not have_one_eye(scenes, projections, size):
-            kept = self._own.anchors if self._own is not None else []
-            plan = plan_anchors(scenes, projections, size, axes, self._limits, kept)
-            own = AnchorSet([*plan.anchors])
-        self._before, self._own, self._begun, self._planned = self._own, own, place, last + 1
+        """Plan a chunk, the first one that ``missing`` names.
 
-    def sets(self, place: int) -> list[AnchorSet]:
+        looked_at: its ``frames``. size, axes: as for ``plan_anchors``. kept: a plan, taken if it was made for
+        all that is looked at. Raises CastError and Cancelled.
+        """
+        different = {each.made_for: each for each in looked_at}
+        made_for = tuple(different)
+        self._sets[chunk] = self._planned(chunk, [*different.values()], size, axes, kept, threads)
+        self._made_for[chunk] = made_for
+
+    def _planned(
+        self,
+        chunk: int,
+        looked_at: list[LookedAt],
+        size: tuple[int, int],
+        axes: Array,
+        kept: KeptPlan | None,
+        threads: int,
+    ) -> AnchorSet | None:
+        made_for = tuple(each.made_for for each in looked_at)
+        # Where nothing moves all chunks have one set. Of the odd ones only neighbours know.
+        known = self._neighbours(chunk) if chunk % 2 else [other for other in self._sets if other % 2 == 0]
+        for other in known:
+            if self._made_for[other] == made_for:
+                return self._sets[other]
+        if kept is not None and made_for == (kept.made_for,):
+            return None if kept.is_one_eye else AnchorSet([*kept.anchors])
+        scenes, projections = (
+            [getattr(each, name) for each in looked_at] for name in ("scene", "projection")
+        )
+        if have_one_eye(scenes, projections, size):
+            return None
+        beside = [self._sets[other] for other in known] if chunk % 2 else []
+        anchors = {id(each): each for own in beside if own is not None for each in own.anchors}
+        plan = plan_anchors(scenes, projections, size, axes, self._limits, [*anchors.values()])
+        return self._with_rest([*plan.anchors], looked_at, size, threads)
+
+    def _with_rest(
+        self, anchors: list[Anchor], looked_at: Sequence[LookedAt], size: tuple[int, int], threads: int
+    ) -> AnchorSet:
+        """The set of anchors, with further ones for all pixels of the frames looked at."""
+        rest: list[Anchor] = []
+        for each in looked_at:
+            views = traced_views(each.scene, [*anchors, *rest], threads)
+            numbers = range(len(views))
+            own = ViewSet(tuple(numbers[: len(anchors)]), tuple(numbers[len(anchors) :]))
+            done = completed(each.scene, each.projection, size, views, own, self._limits, threads)
+            rest += done.added
+        return AnchorSet(anchors, rest)
+
+    def sets(self, frame: int) -> list[AnchorSet]:
         """The sets of anchors of a frame, the present one last; [] if it is planned by itself."""
-        if self._own is None:
+        chunk = self._chunk(frame)
+        own = self._sets[chunk]
+        if own is None:
             return []
-        share = min((place - self._begun + 1) / (FADE + 1), 1.0)
-        if self._before is None or share == 1.0:
-            return [replace(self._own, share=1.0)]
-        return [replace(self._before, share=1.0 - share), replace(self._own, share=share)]
+        share = min((self._begun(frame) + 1) / (FADE + 1), 1.0)
+        before = self._sets.get(chunk - 1) if chunk - 1 in self._neighbours(chunk) else None
+        if before is None or before is own or share == 1.0:
+            return [own]
+        return [replace(before, share=1.0 - share), replace(own, share=share)]
 
-    def add(self, anchors: Sequence[Anchor]) -> None:
-        """Keep further anchors that a frame turned out to need, as long as its set is there."""
-        if self._own is not None:
-            self._own.rest.extend(anchors)
+    def _chunk(self, frame: int) -> int:
+        return frame // (TOGETHER * self._step)
+
+    def _begun(self, frame: int) -> int:
+        """The number of the chunk's frames before a frame."""
+        return frame % (TOGETHER * self._step) // self._step
+
+    def _frames_of(self, chunk: int) -> tuple[int, int]:
+        length = TOGETHER * self._step
+        return chunk * length, (chunk + 1) * length - 1
+
+    def _is_within(self, chunk: int) -> bool:
+        """Return whether a chunk has frames of the shot."""
+        first, last = self._frames_of(chunk)
+        return first <= self._ends[1] and last >= self._ends[0]
+
+    def _neighbours(self, chunk: int) -> list[int]:
+        """The chunks before and after one. Those of the shot have none beyond it."""
+        both = chunk - 1, chunk + 1
+        return [each for each in both if self._is_within(each) or not self._is_within(chunk)]
 
 
 def completed_sets(
@@ -87,10 +176,10 @@ def completed_sets(
     size: tuple[int, int],
     sets: Sequence[AnchorSet],
     threads: int = 0,
-) -> tuple[list[AnchorView], list[ViewSet], tuple[Anchor, ...]]:
+) -> tuple[list[AnchorView], list[ViewSet]]:
     """Trace the anchors of a frame's sets, add what the last set lacks, and leave out what shows nothing.
 
-    Returns the views, their sets, and the further anchors. Raises CastError and Cancelled.
+    Returns the views and their sets. Raises CastError and Cancelled.
     """
     anchors = {id(anchor): anchor for each in sets for anchor in (*each.anchors, *each.rest)}
     numbers = {key: number for number, key in enumerate(anchors)}
@@ -103,4 +192,4 @@ def completed_sets(
     limits = PlanLimits()
     faded = [looked_through(scene, projection, size, views, own, limits, threads)[2] for own in of_views[:-1]]
     done = completed(scene, projection, size, views, of_views[-1], limits, threads)
-    return *without_unused(done.views, [*faded, done.own]), done.added
+    return without_unused(done.views, [*faded, done.own])

@@ -16,7 +16,7 @@ from ..anchors.join import join_sky
 from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import PlanLimits, plan_anchors, sky_anchors, sky_points
 from ..anchors.seen_scene import SeenScene
-from ..anchors.shot import AnchorSet, Shot, completed_sets
+from ..anchors.shot import AnchorSet, LookedAt, Shot, completed_sets
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..bridge.volume.screens import screens_of
@@ -56,11 +56,9 @@ class AnchoredRender:
     plan: its anchors, once planned; None in an animation, whose frames are planned together.
     """
 
-    def __init__(
-        self, passing: AnchorScene, shot: Shot | None = None, frames: Sequence[int] = (), place: int = 0
-    ) -> None:
-        """shot: of an animation. frames: all of it. place: in these, of the picture's."""
-        self._passing, self._shot, self._frames, self._place = passing, shot, frames, place
+    def __init__(self, passing: AnchorScene, shot: Shot | None = None) -> None:
+        """shot: of an animation, of which the picture is the scene's present frame."""
+        self._passing, self._shot = passing, shot
         self.warnings: list[str] = []
         self.pixels: Single | None = None
         self.passes: dict[str, Pass] = {}
@@ -176,12 +174,12 @@ class AnchoredRender:
         has_lens = camera.data.dof.use_dof
         self.warnings += cautions(self._passing.scene, self._passing.left_out, has_lens)
         size, threads = (settings.width, settings.height), settings.threads
-        if self._shot is not None and (sets := self._sets_of_shot(self._shot, shown, inputs, axes, camera)):
-            views, own, added = completed_sets(shown, projection, size, sets, threads)
-            self._shot.add(added)
-            return Pictures(views, own), False
-        made_for = _digest(inputs)
-        kept = KeptPlan.read(camera.scfpf.anchor_plan) if self._shot is None else None
+        kept = KeptPlan.read(camera.scfpf.anchor_plan)
+        if self._shot is not None and (
+            sets := self._sets_of_shot(self._shot, shown, inputs, axes, camera, kept)
+        ):
+            return Pictures(*completed_sets(shown, projection, size, sets, threads)), False
+        made_for = digest_of(inputs)
         if kept is not None and kept.made_for == made_for:
             self.plan, views = kept, traced_views(shown, kept.anchors, threads)
             return Pictures(views, [ViewSet(tuple(range(len(views))))]), kept.is_one_eye
@@ -194,21 +192,28 @@ class AnchoredRender:
         return Pictures(views, sets), plan.is_one_eye
 
     def _sets_of_shot(
-        self, shot: Shot, shown: SeenScene, inputs: RenderInputs, axes: np.ndarray, camera
+        self,
+        shot: Shot,
+        shown: SeenScene,
+        inputs: RenderInputs,
+        axes: np.ndarray,
+        camera,
+        kept: KeptPlan | None,
     ) -> list[AnchorSet]:
         """The sets of anchors that a shot has for the picture, [] if it has none."""
-        if needed := shot.needs(self._place):
-            there = self._read_frames(camera, [self._frames[place] for place in needed[1:]])
-            projections = [inputs.projection, *(each.projection for each in there)]
-            still = inputs.scene.geometry
-            scenes = [shown]
-            for each in there:
-                pairs = ((getattr(each.scene.geometry, name), getattr(still, name)) for name in SHAPE)
+        frame, size = self._passing.scene.frame_current, (inputs.settings.width, inputs.settings.height)
+        for chunk in shot.missing(frame):
+            looked_at = []
+            for each in self._read_frames(camera, shot.frames(chunk)):
+                pairs = (
+                    (getattr(each.scene.geometry, name), getattr(inputs.scene.geometry, name))
+                    for name in SHAPE
+                )
                 is_same = all(np.array_equal(one, other) for one, other in pairs)
-                scenes.append(shown if is_same else self._seen(each))
-            size = inputs.settings.width, inputs.settings.height
-            shot.plan(self._place, scenes, projections, size, axes)
-        return shot.sets(self._place)
+                scene = shown if is_same else self._seen(each)
+                looked_at.append(LookedAt(scene, each.projection, digest_of(each)))
+            shot.plan(chunk, looked_at, size, axes, kept, inputs.settings.threads)
+        return shot.sets(frame)
 
     def _read_frames(self, camera, frames: Sequence[int]) -> list[RenderInputs]:
         """The inputs of other frames. Raises USER_ERRORS."""
@@ -239,7 +244,7 @@ class AnchoredRender:
         return self._passing.kept(color)
 
 
-def _digest(inputs: RenderInputs) -> str:
+def digest_of(inputs: RenderInputs) -> str:
     """The digest of what a plan of the picture depends on."""
     geometry, settings = inputs.scene.geometry, inputs.settings
     shown = visible_to(geometry.visibility, CAMERA)

@@ -30,8 +30,9 @@ class AnchorsJob(LayersJob):
         """renderer: the identifier of a render engine, empty for the scene's own. Raises USER_ERRORS."""
         self._renderer = renderer or context.scene.render.engine
         super().__init__(context, camera, frames, path)
-        self._all_frames = [*self._frames]
-        self._shot = Shot(len(self._all_frames))
+        # Farms render frames apart: the shot is the whole one of the scene.
+        scene = context.scene
+        self._shot = Shot(scene.frame_start, scene.frame_end, scene.frame_step)
 
     def require(self, scene) -> None:
         """Raise UserError if the engine is our own."""
@@ -42,10 +43,7 @@ class AnchorsJob(LayersJob):
         """The temporary scene of one picture, which has its name, and the picture's renders."""
         passing = AnchorScene(scene, view_layer, self._renderer)
         self.engine = engine_name(passing.scene)
-        if not self._is_animation:
-            return passing, AnchoredRender(passing)
-        place = self._all_frames.index(scene.frame_current)
-        return passing, AnchoredRender(passing, self._shot, self._all_frames, place)
+        return passing, AnchoredRender(passing, self._shot if self._is_animation else None)
 
 
 def render_anchors(

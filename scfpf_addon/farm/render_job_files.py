@@ -45,10 +45,6 @@ def plan_job(scene, options: Namespace) -> tuple[RenderPlan, list[Message]]:
     warnings = _require_tiles(scene, options)
     assets, absent = assets_of(path)
     chunk = options.chunk or WAYS[options.way].chunk
-    if options.way == "eevee" and last - first >= chunk:
-        warnings.append(
-            Message("Each task plans its renders anew: gloss may jump where tasks meet, fewer of which help")
-        )
     warnings += [Message("The file uses '{0}', which is absent", name) for name in absent]
     module = task_script.extension()
     plan = RenderPlan(

@@ -14,7 +14,7 @@ const JOB_TYPE = {
           evalInfo: { showLinkButton: true, description: "Frames of the scene" },
           description: "Frames to render, such as 7, 1-250 or 1-10, 20-30" },
         { key: "chunk_size", type: "int32", default: 5, propargs: { min: 1 }, visible: "submission",
-          description: "Frames of a task, which opens the file once; 32 or more for eevee, which plans a task's renders together" },
+          description: "Frames of a task, which opens the file once; 32 for eevee, which plans the renders of 16 frames together" },
         { key: "tiles", type: "string", default: "1x1", visible: "submission",
           description: "Columns and rows of tiles of a huge picture, such as 4x2; for engine and cycles" },
         { key: "resume", type: "bool", default: true, visible: "submission",

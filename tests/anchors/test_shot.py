@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.anchors.join import join
+from scfpf_addon.anchors.kept_plan import KeptPlan
 from scfpf_addon.anchors.plan import PlanLimits
 from scfpf_addon.anchors.seen_scene import SeenScene
-from scfpf_addon.anchors.shot import FADE, TOGETHER, Shot, completed_sets
+from scfpf_addon.anchors.shot import FADE, TOGETHER, LookedAt, Shot, completed_sets
 from scfpf_addon.anchors.shown_points import shown_points
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -31,6 +32,16 @@ def moved(frame):
     matrix = np.eye(4)
     matrix[0, 3] = frame * STEP
     return bent_projection(2, math.radians(60)).transformed(matrix)
+
+
+def plan_for(shot, frame, scene):
+    """Plan what a frame of a shot needs; return how many chunks that were."""
+    missing = shot.missing(frame)
+    for chunk in missing:
+        looked_at = [LookedAt(scene, moved(each), str(each)) for each in shot.frames(chunk)]
+        shot.plan(chunk, looked_at, SIZE, np.eye(3))
+    assert not shot.missing(frame)
+    return len(missing)
 
 
 def matt(position):
@@ -56,13 +67,17 @@ def film():
 
     A change is that of what a pixel shows: of the same point of the surface, by the next frame's anchors.
     """
-    scene, shot, numbers, kept, frames, before = seen(*boxes(2000)), Shot(FRAMES), {}, [], [], None
+    scene, shot, numbers, kept, frames, before = (
+        seen(*boxes(2000)),
+        Shot(0, FRAMES - 1),
+        {},
+        [],
+        [],
+        None,
+    )
     for place in range(FRAMES):
-        if needed := shot.needs(place):
-            projections = [moved(each) for each in needed]
-            shot.plan(place, [scene] * len(needed), projections, SIZE, np.eye(3))
-        views, sets, added = completed_sets(scene, moved(place), SIZE, shot.sets(place))
-        shot.add(added)
+        plan_for(shot, place, scene)
+        views, sets = completed_sets(scene, moved(place), SIZE, shot.sets(place))
         own = [numbers.setdefault(id(view.anchor), len(numbers)) for view in views]
         kept += [view.anchor for view in views]
         pictures = [painted(view, number) for view, number in zip(views, own, strict=True)]
@@ -88,7 +103,7 @@ def changes(film):
 
 def test_most_anchors_stay_from_frame_to_frame(film):
     shares = [len(set(one) & set(other)) / len(one) for (one, *_), (other, *_) in pairwise(film)]
-    assert np.mean(shares) > 0.9 and min(shares) > 0.6
+    assert np.mean(shares) > 0.9 and min(shares) >= 0.5
     assert max(holes for _, holes, _ in film) <= 1e-3
 
 
@@ -104,13 +119,63 @@ def test_gloss_does_not_pop(film):
     assert (gloss > 0.06).mean() < 1e-4
 
 
-def test_sets_fade_into_each_other(film):
+def numbers_of(sets):
+    """All numbers of sets of anchors, to be compared."""
+    anchors = [(own.share, part, each) for own in sets for part in (own.anchors, own.rest) for each in part]
+    return [
+        (share, *each.matrix.ravel(), *each.window, *each.size, each.start, each.end)
+        for share, _part, each in anchors
+    ]
+
+
+def test_sets_fade_into_each_other():
     """By equal steps, which end before the next change."""
-    shot = Shot(3 * TOGETHER)
-    scene = seen(*boxes(200))
-    for place in (0, TOGETHER):
-        assert shot.needs(place)[0] == place
-        shot.plan(place, [scene] * 3, [moved(each) for each in shot.needs(place)], SIZE, np.eye(3))
-    shares = [shot.sets(place)[-1].share for place in range(TOGETHER, 2 * TOGETHER)]
+    shot, scene = Shot(0, 3 * TOGETHER - 1), seen(*boxes(200))
+    frames = range(TOGETHER, 2 * TOGETHER)
+    plan_for(shot, TOGETHER, scene)
+    shares = [shot.sets(frame)[-1].share for frame in frames]
     assert np.diff([0.0, *shares]).max() <= 1.0 / FADE and shares[-1] == 1.0
-    assert all(sum(each.share for each in shot.sets(place)) == 1.0 for place in range(TOGETHER, 2 * TOGETHER))
+    assert all(sum(each.share for each in shot.sets(frame)) == 1.0 for frame in frames)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_a_frame_has_the_same_anchors_wherever_a_run_begins(step):
+    """Rendered in order, from a frame on, backwards or alone; of a shot that begins within a chunk."""
+    scene, ends = seen(*boxes(200)), (5, 2 * TOGETHER * step + 9)
+    frames = (7, TOGETHER * step + step, TOGETHER * step + FADE * step + 1, 2 * TOGETHER * step + 2)
+    runs = {}
+    for name, order in {"all": frames, "back": frames[::-1]}.items():
+        shot = Shot(*ends, step)
+        for frame in order:
+            plan_for(shot, frame, scene)
+            runs[name, frame] = numbers_of(shot.sets(frame))
+    for frame in frames:
+        shot = Shot(*ends, step)
+        assert plan_for(shot, frame, scene) <= 3
+        runs["alone", frame] = numbers_of(shot.sets(frame))
+    assert len(runs["all", frames[1]]) > len(runs["all", frames[0]]) > 3
+    for frame in frames:
+        assert runs["all", frame] == runs["back", frame] == runs["alone", frame]
+
+
+def test_frames_are_looked_at_within_the_shot():
+    shot = Shot(5, TOGETHER + 1)
+    assert shot.frames(0) == [5, 10, 15] and shot.frames(1) == [TOGETHER, TOGETHER + 1]
+    # Beyond the shot there is nothing that would be left out.
+    assert shot.frames(4) == [64, 71, 79] and shot.frames(-1) == [-16, -9, -1]
+    assert shot.missing(5) == [0] and shot.missing(TOGETHER) == [0, 1] and shot.missing(-1) == [-2, 0, -1]
+
+
+def test_where_nothing_moves_all_frames_have_one_set():
+    """Also that of a plan that was kept and fits; one that was made for something else is left alone."""
+    scene, shot = seen(*boxes(200)), Shot(0, 4 * TOGETHER)
+    still = [LookedAt(scene, moved(0), "still")] * 3
+    for chunk in (0, 2, 1, 3):
+        shot.plan(chunk, still, SIZE, np.eye(3))
+    (one,) = shot.sets(1)
+    assert all(shot.sets(frame) == [one] for frame in (TOGETHER, TOGETHER + 3, 3 * TOGETHER + 2))
+    anchors = (*one.anchors, *one.rest)[:3]
+    for made_for, is_taken in (("still", True), ("other", False)):
+        kept, shot = KeptPlan(anchors, made_for, SIZE, 0.5, False), Shot(0, TOGETHER)
+        shot.plan(0, still, SIZE, np.eye(3), kept)
+        assert (shot.sets(0)[0].anchors == [*anchors]) == is_taken

@@ -258,29 +258,50 @@ def test_an_animation_is_written_frame_by_frame(scene, jobs, tmp_path):
     assert len(job.written) == 2 and scene.frame_current == 1
 
 
-def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypatch):
-    """They are planned once for the frames, at the places where the camera is then; each frame is right."""
+def moving(scene, frames=(1, 40)):
+    """A bent volume that moves through the room."""
     flexible(scene.camera, "inverted_perspective")
     camera = scene.camera
     camera.scfpf.samples = 1
-    for frame, x in ((1, 0.0), (4, 0.3)):
+    scene.frame_start, scene.frame_end = frames
+    for frame, x in zip(frames, (0.0, 0.3), strict=True):
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)
-    scene.frame_set(1)
+    for curve in curves_of(camera):
+        curve.keyframe_points[0].interpolation = "LINEAR"
+    scene.frame_set(frames[0])
+    return camera
+
+
+def curves_of(obj):
+    action = obj.animation_data.action
+    if hasattr(action, "fcurves"):
+        return action.fcurves
+    return [
+        curve
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        for curve in bag.fcurves
+    ]
+
+
+def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypatch):
+    """They are planned once for the frames, at the places where the camera is then; each frame is right."""
+    camera = moving(scene, (1, 4))
     shots = addon("anchors.shot")
     planned, rendered = [], []
     plan, complete = shots.Shot.plan, shots.completed_sets
 
-    def noted_plan(self, place, scenes, projections, *others):
-        planned.append(
-            [each.projectors(np.array([0.5]), np.array([0.5])).points[0, 0, 0] for each in projections]
-        )
-        assert len({id(each) for each in scenes}) == 1
-        plan(self, place, scenes, projections, *others)
+    def noted_plan(self, chunk, looked_at, *others):
+        place = np.array([0.5])
+        planned.append([each.projection.projectors(place, place).points[0, 0, 0] for each in looked_at])
+        assert len({id(each.scene) for each in looked_at}) == 1
+        plan(self, chunk, looked_at, *others)
 
     def noted_sets(*everything):
         found = complete(*everything)
-        rendered.append({id(view.anchor) for view in found[0]})
+        rendered.append({view.anchor.matrix.tobytes() for view in found[0]})
         return found
 
     monkeypatch.setattr(shots.Shot, "plan", noted_plan)
@@ -293,6 +314,39 @@ def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypat
     wanted = places(addon, camera)
     inner = ~edges(wanted)
     assert inner.mean() > 0.1 and np.median(np.linalg.norm(found - wanted, axis=2)[inner]) < 0.1
+
+
+def test_a_frame_is_the_same_wherever_a_run_begins(scene, jobs, tmp_path):
+    """Bit for bit, by Workbench: in a run, alone, and in a run that begins in another part of the shot."""
+    camera = moving(scene)
+    scene.display.shading.light, scene.display.shading.color_type = "MATCAP", "RANDOM"
+    shown = {}
+    for frames in ((17, 18, 19), (19,), (33, 19)):
+        path = str(tmp_path / f"from_{frames[0]}_##.exr")
+        job = jobs.render_anchors(bpy.context, camera, frames, path, "BLENDER_WORKBENCH")
+        assert len(job.written) == len(frames)
+        shown[frames] = result()
+    first, *others = shown.values()
+    assert first[..., :3].std() > 0.05
+    assert all(np.array_equal(first, other) for other in others)
+
+
+def test_frames_use_a_kept_plan_where_nothing_moves(scene, jobs, addon, tmp_path, monkeypatch):
+    """Then all frames are the still picture, whichever are rendered."""
+    flexible(scene.camera, "inverted_perspective")
+    camera = scene.camera
+    camera.scfpf.samples = 1
+    assert bpy.ops.scfpf.joined_plan(camera=camera.name) == {"FINISHED"}
+
+    def fails(*_):
+        raise AssertionError("planned again")
+
+    for module in ("engines.anchored_render", "anchors.shot"):
+        monkeypatch.setattr(addon(module), "plan_anchors", fails)
+    jobs.render_anchors(bpy.context, camera, renderer="BLENDER_WORKBENCH")
+    still = result()
+    jobs.render_anchors(bpy.context, camera, (20, 40), str(tmp_path / "##.exr"), "BLENDER_WORKBENCH")
+    np.testing.assert_array_equal(result(), still)
 
 
 def test_a_kept_plan_is_used_as_long_as_it_fits(scene, jobs, addon, monkeypatch):
