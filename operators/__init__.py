@@ -23,7 +23,7 @@ from .camera import (
 )
 from .common import modal_job
 from .image import find, pick, quilt, render, render_job_export, time_render, video_projector
-from .layers import layer_check, layer_list, layer_render
+from .layers import layer_check, layer_drag, layer_list, layer_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
@@ -63,6 +63,7 @@ MODULES = (
     solve,
     drag,
     layer_list,
+    layer_drag,
     layer_check,
     layer_render,
     render_job_export,

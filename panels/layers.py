@@ -76,6 +76,7 @@ def draw_picture(layout, image) -> None:
 
 def draw_layer(layout, layer) -> None:
     """Draw the settings of a layer."""
+    layout.operator("scfpf.layer_drag", icon="VIEW_PAN")
     column = layout.column()
     column.active = layer.is_on
     for name in ("collection", "camera", "position", "size", "front"):

@@ -4,39 +4,34 @@
 import math
 
 import bpy
-import numpy as np
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
 from ...scfpf_addon.bridge.aim.follower import Follower
-from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
+from ...scfpf_addon.bridge.aim.shown_targets import shown_targets
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.blender.all_or_nothing import PLACE, Kept
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
-from ...scfpf_addon.bridge.render.image_size import image_size
-from ...scfpf_addon.bridge.render.view_painter import Rectangle
+from ...scfpf_addon.bridge.frames.shown_image import shown_image
 from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
 from ...scfpf_addon.projection.user_error import UserError
-from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
-from ...scfpf_addon.shading.picking.frame_handles import BODY, ORBIT, SIZE, TURN, HandledFrame
 from ..common.errors import refused
+from ..common.frame_drag_job import FrameDragging, pressed_part, redraw_frames, whole_image
 from ..common.target import flexible_camera_of, poll_flexible_camera
-from ..common.tool import ARROWS
 from .solve_job import SolveJob
 
 NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
 # Steps while the mouse rests, until the volume has settled.
 RESTING_STEPS = 4
-PARTS = {"G": BODY, "S": SIZE, "R": TURN}
 KEYS = (
     "G: move    S: size    R: roll    R R: turn in space    X, Y: along an axis    Arrows or a number: "
     "exactly    Shift: fine    Ctrl: steps    Release or Enter: solve    Esc, right click: restore"
 )
 
 
-class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
+class SCFPF_OT_aim_drag(FrameDragging, SolveJob, bpy.types.Operator):
     """Move, scale, roll or turn the active view or pin in the picture, by mouse, keys or numbers: the volume
     follows, and is solved at the end"""
 
@@ -46,7 +41,6 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
 
     # Between two steps while the mouse rests, and then between two looks at the solve.
     seconds = 0.05
-    escapes = frozenset({"ESC", "RIGHTMOUSE"})
 
     shift: FloatVectorProperty(
         name="Move", description="Movement, as shares of the picture's width and height", size=2
@@ -95,29 +89,20 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     def invoke(self, context, event):
         image = shown_image(context)
         camera = flexible_camera_of(context) if image is None else image.camera
-        mouse = np.array([event.mouse_region_x, event.mouse_region_y], np.float64)
-        scale = context.preferences.system.ui_scale
-        hit = None if image is None else target_at(shown_targets(context, image), *mouse, scale)
-        is_press = event.type == "LEFTMOUSE" and event.value == "PRESS"
+        frames = [] if image is None else shown_targets(context, image)
         self.shift, self.factor, self.turn, self.orbit = (0.0, 0.0), 1.0, 0.0, (0.0, 0.0)
-        self.index, part = hit if is_press and hit is not None else (-1, BODY)
+        self.index, part = pressed_part(context, event, frames)
         try:
             self._choose(camera)
             self._follower = Follower(camera, context.evaluated_depsgraph_get())
             # Live Aim would take a second step at each event.
             self._is_live, camera.scfpf.aim.live = camera.scfpf.aim.live, False
-            image = image or ShownImage(camera, Rectangle(0.0, 0.0, *map(float, image_size(context.scene))))
+            image = image or whole_image(context, camera)
+            own = [shown for shown in shown_targets(context, image) if shown.index == self.index]
+            self.begin_drag(context, event, image, own[0] if own else None, part)
         except USER_ERRORS as error:
             return refused(self, error)
-        self._size = image.rectangle.width, image.rectangle.height
-        own = [shown for shown in shown_targets(context, image) if shown.index == self.index]
-        origin = own[0].origin if own else mouse
-        frame = own[0].frame if own else None
-        unit = image.rectangle.width / image_size(context.scene)[0]
-        self._drag = FrameDrag(
-            frame or HandledFrame(origin, (0.0, 0.0, 0.0, 0.0), 0.0), part, mouse, unit, is_point=self._is_pin
-        )
-        self._mouse, self._resting, self._is_solving = (event.mouse_x, event.mouse_y), 0, False
+        self._resting, self._is_solving = 0, False
         outcome = self.begin(context)
         self.ends.callback(self._restore_live)
         self._say(context)
@@ -138,41 +123,18 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def respond(self, context, event):
-        is_press = event.value == "PRESS"
         if self._is_solving:
             return {"RUNNING_MODAL"}
-        if (event.type == "LEFTMOUSE") or (event.type in {"RET", "NUMPAD_ENTER"} and is_press):
+        if self.ends_drag(event):
             return self._finish(context)
-        self._drag.is_snapped = event.ctrl
-        if event.type == "MOUSEMOVE":
-            x, y = self._mouse
-            self._mouse = event.mouse_x, event.mouse_y
-            self._drag.move(event.mouse_x - x, event.mouse_y - y, event.shift)
-        elif is_press:
-            self._press(event)
-        else:
+        if not self.take_event(event):
             return {"RUNNING_MODAL"}
         self._resting = RESTING_STEPS
         return self._follow(context)
 
-    def _press(self, event) -> None:
-        """Apply a key."""
-        if event.type in PARTS:
-            again = event.type == "R" and self._drag.part == TURN
-            self._drag.choose(ORBIT if again else PARTS[event.type])
-        elif event.type in {"X", "Y"}:
-            self._drag.constrain(event.type)
-        elif event.type in ARROWS:
-            self._drag.nudge(*ARROWS[event.type])
-        elif event.type == "BACK_SPACE":
-            self._drag.type("\b")
-        elif event.unicode and event.unicode in DIGITS + ",":
-            self._drag.type(event.unicode)
-
     def _follow(self, context):
         """Put the target where the drag has it, and let the volume follow by one step. Raises USER_ERRORS."""
-        (x, y), self.factor, self.turn, self.orbit = self._drag.change
-        self.shift = x / self._size[0], y / self._size[1]
+        self.shift, self.factor, self.turn, self.orbit = self.dragged
         self._place(context)
         self._follower.step(context.evaluated_depsgraph_get())
         self._say(context)
@@ -188,9 +150,9 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         self.index, self._camera = index, camera.session_uid
         settings.active_aim = index
         target = self._target()
-        self._is_pin = target.kind == PIN
+        self.moves_only = target.kind == PIN
         self._before = tuple(target.position), target.width, target.turn
-        eye = None if self._is_pin else target.eye
+        eye = None if self.moves_only else target.eye
         self._eye_before = {} if eye is None else {name: _value(eye, name) for name in PLACE}
         self._eye_matrix = None if eye is None else eye.matrix_world.copy()
 
@@ -200,7 +162,7 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
     def _place(self, context) -> None:
         """Put the target and its eye where the properties say, from where they were. Raises UserError."""
         target, (position, width, turn) = self._target(), self._before
-        if not self._is_pin and any(self.orbit):
+        if not self.moves_only and any(self.orbit):
             depsgraph = context.evaluated_depsgraph_get()
             new_targets.turn_eye(target, depsgraph, *self.orbit, self._eye_matrix)
         else:
@@ -231,22 +193,19 @@ class SCFPF_OT_aim_drag(SolveJob, bpy.types.Operator):
         """Tell the keys and the numbers, and redraw the frames."""
         target = self._target()
         text = f"{target.name}: x {target.position[0]:.1%}  y {target.position[1]:.1%}"
-        if not self._is_pin:
+        if not self.moves_only:
             text += f"  size {target.width:.1%}  roll {math.degrees(target.turn):.1f}°"
         if any(self.orbit):
             left, up = (math.degrees(angle) for angle in self.orbit)
             text += f"  left {left:.1f}°  up {up:.1f}°"
-        typed = f"    {self._drag.typed}" if self._drag.typed else ""
-        axis = f"    along {self._drag.axis}" if self._drag.axis else ""
-        self.show(context, f"{text}{axis}{typed}    {KEYS}")
-        _redraw()
+        self.show_drag(context, text, KEYS)
 
     def _restore_live(self):
         """Leave Live Aim as it was, when targets and volume are in their places."""
         camera = object_by_uid(self._camera)
         if camera is not None:
             camera.scfpf.aim.live = self._is_live
-        _redraw()
+        redraw_frames()
 
     def give_up(self, context):
         """Restore the target and the volume."""
@@ -261,14 +220,6 @@ def _value(eye, name: str):
     """A property that places an eye, as a value that stays."""
     value = getattr(eye, name)
     return value if isinstance(value, str) else tuple(value)
-
-
-def _redraw() -> None:
-    """Redraw the regions that may show frames."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                area.tag_redraw()
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_aim_drag,))

@@ -3,10 +3,10 @@
 
 import bpy
 
-from ...scfpf_addon.bridge.aim.shown_targets import shown_image
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
+from ...scfpf_addon.bridge.frames.shown_image import shown_image
 from ...scfpf_addon.bridge.render.render_viewport import free_view
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import refused

@@ -29,7 +29,7 @@ def layer_index():
     )
 
 
-def _place(camera, index: int) -> int:
+def layer_place(camera, index: int) -> int:
     """The place of a camera's layer. index: -1 for the active one. Raises UserError."""
     index = camera.scfpf.active_layer if index < 0 else index
     if index >= len(camera.scfpf.layers):
@@ -85,7 +85,7 @@ class SCFPF_OT_layer_remove(AimAction, bpy.types.Operator):
     index: layer_index()
 
     def edit(self, context, camera):
-        remove_slot(camera.scfpf, _place(camera, self.index), LAYERS)
+        remove_slot(camera.scfpf, layer_place(camera, self.index), LAYERS)
 
 
 class SCFPF_OT_layer_move(AimAction, bpy.types.Operator):
@@ -104,7 +104,7 @@ class SCFPF_OT_layer_move(AimAction, bpy.types.Operator):
     )
 
     def edit(self, context, camera):
-        index = _place(camera, self.index)
+        index = layer_place(camera, self.index)
         move_slot(camera.scfpf, index, index + STEPS[self.direction], LAYERS)
 
 

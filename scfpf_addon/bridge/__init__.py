@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from .aim import live_aim, scene_marks, widgets
 from .blender import unstored_edits
+from .frames import layer_frames
 from .live import live_drawing
 from .overlays import distance_handles, image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes
@@ -38,6 +39,7 @@ MODULES = (
     image_marks,
     scene_marks,
     widgets,
+    layer_frames,
     distance_handles,
     command_line,
 )

@@ -61,7 +61,7 @@ class FrameDrag:
 
     def choose(self, part: int) -> None:
         """Begin anew with another part: BODY, SIZE, TURN or ORBIT. The frame is as at first."""
-        if self.is_point and part != BODY:
+        if part != BODY and (self.is_point or (self.frame.has_grip and part != SIZE)):
             return
         self.part, self._start, self._keys, self.typed, self.axis = part, self.mouse, FrameChange(), "", ""
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frame of a view in an image: its corners, its handle and its ring, and what dragging them does.
+"""The frame of a view or a layer in an image: corners, handle and ring, and what dragging them does.
 
 Places are pixels of a region, x to the right and y up. A view lies in the image by a similarity, so that a
 drag changes its origin, its size by a factor, and its turn. A drag of the ring leads the view's eye round
-its thing.
+its thing. A layer's picture stays upright.
 """
 
 from __future__ import annotations
@@ -45,19 +45,21 @@ class HandledFrame:
     """A frame in a region.
 
     origin: (2,), the pixel of the view's position. box: left, lower, right and upper border as seen from the
-    origin, in pixels and before turning. turn: radians, counterclockwise.
+    origin, in pixels and before turning. turn: radians, counterclockwise. has_grip: a dot at the origin alone
+    moves the frame, so that other presses inside of it select what is seen, and the frame cannot be turned.
     """
 
     origin: Array
     box: tuple[float, float, float, float]
     turn: float
+    has_grip: bool = False
 
     @classmethod
-    def around(cls, points: Array, origin: Array, turn: float) -> HandledFrame:
+    def around(cls, points: Array, origin: Array, turn: float, has_grip: bool = False) -> HandledFrame:
         """The smallest frame of a turn around pixels (2, N), N > 0."""
         flat = _turned(points - origin[:, None], -turn)
         low, high = flat.min(axis=1), flat.max(axis=1)
-        return cls(origin, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), turn)
+        return cls(origin, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), turn, has_grip)
 
     def _placed(self, flat: Array) -> Array:
         """Pixels (2, N) of places as seen from the origin before turning."""
@@ -74,6 +76,11 @@ class HandledFrame:
         left, _low, right, high = self.box
         middle = (left + right) / 2
         return self._placed(np.array([[middle, middle], [high, high + STALK * scale]]))
+
+    def handles(self, scale: float) -> Array:
+        """The pixels of the corners, and of the grip or the turning handle, (2, 5). scale: of the display."""
+        fifth = self.origin[:, None] if self.has_grip else self.stalk(scale)[:, 1:]
+        return np.concatenate([self.corners, fifth], axis=1)
 
     @property
     def _middle(self) -> Array:
@@ -99,11 +106,12 @@ class HandledFrame:
         scale: of the display.
         """
         place = np.array([x, y])
-        handles = np.concatenate([self.corners, self.stalk(scale)[:, 1:]], axis=1)
-        away = np.linalg.norm(handles - place[:, None], axis=0)
+        away = np.linalg.norm(self.handles(scale) - place[:, None], axis=0)
         nearest = int(np.argmin(away))
         if away[nearest] <= REACH * scale:
-            return nearest
+            return BODY if self.has_grip and nearest == TURN else nearest
+        if self.has_grip:
+            return None
         off = float(np.linalg.norm(place - self._middle)) - self._radius - RING_GAP * scale
         if abs(off) <= RING_REACH * scale:
             return ORBIT

@@ -43,7 +43,7 @@ def shown(addon, camera):
     """The module, and an image of the camera in a region."""
     module = addon("bridge.aim.shown_targets")
     rectangle = addon("bridge.render.view_painter").Rectangle(*FRAME)
-    return module, module.ShownImage(camera, rectangle)
+    return module, addon("bridge.frames.shown_image").ShownImage(camera, rectangle)
 
 
 def test_a_new_views_frame_is_the_box_that_blender_sees(shown, camera):
@@ -57,8 +57,9 @@ def test_a_new_views_frame_is_the_box_that_blender_sees(shown, camera):
     assert np.abs(corners.max(axis=0) - expected.max(axis=0)).max() < 0.05
 
 
-def test_handles_come_before_bodies_and_the_active_target_before_others(shown, camera):
+def test_handles_come_before_bodies_and_the_active_target_before_others(shown, camera, addon):
     module, image = shown
+    frame_at = addon("bridge.frames.shown_frame").frame_at
     bpy.ops.scfpf.aim_view_add(camera=camera.name, object="Ball")
     targets = camera.scfpf.aim_targets
     targets[1].position, targets[1].width = targets[0].position, targets[0].width
@@ -67,12 +68,12 @@ def test_handles_come_before_bodies_and_the_active_target_before_others(shown, c
         found = module.shown_targets(bpy.context, image)
         assert [one.index for one in found] == [1 - active, active]
         middle = found[0].origin
-        assert module.target_at(found, *middle, 1.0) == (active, 4 + 1)
+        assert frame_at(found, *middle, 1.0) == (active, 4 + 1)
         for one in found:
             corner = one.frame.corners[:, 2]
             # A handle inside of the other's body is the handle of one of them.
-            assert module.target_at(found, *corner, 1.0)[1] == 2
-    assert module.target_at(found, 0.0, 0.0, 1.0) is None
+            assert frame_at(found, *corner, 1.0)[1] == 2
+    assert frame_at(found, 0.0, 0.0, 1.0) is None
 
 
 def test_targets_that_are_off_or_show_nothing_have_no_frame(shown, camera):

@@ -289,7 +289,7 @@ def test_mirrored_and_folded_pixels_are_warned_of(camera, addon, monkeypatch, na
 def test_the_worst_places_are_marked_in_the_image(camera, addon):
     target = add_view(camera)
     assert solve(camera) == {"FINISHED"}
-    widgets, shown = addon("bridge.aim.widgets"), addon("bridge.aim.shown_targets")
+    widgets, shown = addon("bridge.aim.widgets"), addon("bridge.frames.shown_image")
     rectangle = addon("bridge.render.view_painter").Rectangle(40.0, 30.0, 480.0, 270.0)
     image, settings = shown.ShownImage(camera, rectangle), camera.scfpf
     target.whole_max, target.whole_worst = 28.0, (0.25, 0.5)

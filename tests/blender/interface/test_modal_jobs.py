@@ -164,6 +164,7 @@ JOBS = {
     "SCFPF_OT_mapping_place": ("operators.volume.mappings", [MOUSE], ""),
     "SCFPF_OT_aim_pin_click": ("operators.aim.pin_click", [MOUSE], ""),
     "SCFPF_OT_aim_drag": ("operators.aim.drag", [MOUSE, TIMER], ""),
+    "SCFPF_OT_layer_drag": ("operators.layers.layer_drag", [MOUSE, TIMER], ""),
     "SCFPF_OT_aim_solve": ("operators.aim.solve", [TIMER], "Solve canceled: the volume is as before"),
     "SCFPF_OT_layers_render": ("operators.layers.layer_render", [TIMER], CANCELED),
     "SCFPF_OT_joined_render": ("operators.layers.layer_render", [TIMER], CANCELED),
@@ -191,6 +192,8 @@ def job(request, addon, monkeypatch):
     bpy.ops.scfpf.mapping_add()
     bpy.data.objects["Cube"].select_set(True)
     bpy.ops.scfpf.aim_view_add()
+    if name == "SCFPF_OT_layer_drag":
+        bpy.ops.scfpf.layer_add()
     bpy.context.view_layer.objects.active = camera
     if name == "SCFPF_OT_aim_drag":
         camera.scfpf.aim.live = True

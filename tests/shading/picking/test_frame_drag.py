@@ -125,3 +125,11 @@ def test_another_part_begins_anew_where_the_mouse_is_and_a_pin_has_no_other():
     pin = drag(BODY, is_point=True)
     pin.choose(SIZE)
     assert pin.part == BODY
+
+
+def test_a_frame_with_a_grip_is_moved_and_scaled_but_not_turned():
+    frame = HandledFrame(ORIGIN, (-60.0, -40.0, 60.0, 40.0), 0.0, has_grip=True)
+    one = FrameDrag(frame, BODY, np.array([200.0, 100.0]), unit=2.0)
+    for part, expected in ((TURN, BODY), (ORBIT, BODY), (SIZE, SIZE), (TURN, SIZE), (BODY, BODY)):
+        one.choose(part)
+        assert one.part == expected

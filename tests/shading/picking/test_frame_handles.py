@@ -138,3 +138,19 @@ def test_the_size_is_the_ratio_of_the_distances_from_the_origin(frame):
     assert change.factor == pytest.approx(25 / 60)
     assert (change.shift, change.turn) == ((0.0, 0.0), 0.0)
     assert frame.dragged(SIZE, plane(ORIGIN), plane(end)).factor == 1.0
+
+
+def test_a_frame_with_a_grip_is_moved_by_it_alone_and_is_not_turned():
+    """Presses inside of it are for what is seen there."""
+    frame = HandledFrame(plane(ORIGIN), BOX, 0.0, has_grip=True)
+    left, low, right, high = BOX
+    for part, corner in enumerate(((left, low), (right, low), (right, high), (left, high))):
+        place = ORIGIN + complex(*corner)
+        assert frame.part_at(place.real, place.imag, 1.0) == part
+    assert frame.part_at(ORIGIN.real + 0.9 * REACH, ORIGIN.imag, 1.0) == BODY
+    assert frame.part_at(ORIGIN.real + 1.1 * REACH, ORIGIN.imag, 1.0) is None
+    handle = frame.stalk(1.0)[:, 1]
+    assert frame.part_at(*handle, 1.0) is None
+    middle = ORIGIN + complex((left + right) / 2, (low + high) / 2)
+    on_the_ring = middle + math.hypot(right - left, high - low) / 2 + RING_GAP
+    assert frame.part_at(on_the_ring.real, on_the_ring.imag, 1.0) is None

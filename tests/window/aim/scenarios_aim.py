@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Aim by hand: a view's frame is dragged in Live View, its camera is turned, and the image follows."""
+"""Frames by hand: those of a view and a layer are dragged in Live View, and the image follows."""
 
 import math
 import pathlib
@@ -239,8 +239,8 @@ def a_corner_in_an_image_editor(driver):
     region = driver.region("IMAGE_EDITOR")
     area = driver.area("IMAGE_EDITOR")
     with bpy.context.temp_override(window=driver.window, area=area, region=region):
-        shown = module("bridge.aim.shown_targets")
-        (found,) = shown.shown_targets(bpy.context, shown.shown_image(bpy.context))
+        image = module("bridge.frames.shown_image").shown_image(bpy.context)
+        (found,) = module("bridge.aim.shown_targets").shown_targets(bpy.context, image)
     corner, opposite = found.frame.corners[:, 2], found.frame.corners[:, 0]
     start = np.array([region.x, region.y]) + corner
     yield from drag_mouse(driver, start, start + 0.15 * (corner - opposite), "corner", steps=3)
@@ -259,8 +259,8 @@ def the_ring_turns_the_thing(driver):
     target = camera.scfpf.aim_targets[0]
     start, region = target.eye.matrix_world.copy(), driver.region("VIEW_3D")
     with driver.override():
-        shown = module("bridge.aim.shown_targets")
-        (found,) = shown.shown_targets(bpy.context, shown.shown_image(bpy.context))
+        image = module("bridge.frames.shown_image").shown_image(bpy.context)
+        (found,) = module("bridge.aim.shown_targets").shown_targets(bpy.context, image)
         ring = found.frame.ring(bpy.context.preferences.system.ui_scale)
     side = np.array([region.x, region.y]) + ring[:, ring.shape[1] // 2]
     yield from drag_mouse(driver, side, side + np.array([30, 0]), "ring")
@@ -277,10 +277,61 @@ def the_ring_turns_the_thing(driver):
     assert np.allclose(eye.matrix_world, start, atol=1e-5), "undo leaves the eye where it was led"
 
 
+def a_layers_frame_is_dragged(driver):
+    """A layer's corner and the dot in its middle are dragged; other clicks select, and undo leads back."""
+    for obj in list(bpy.data.objects):
+        if obj.type != "CAMERA":
+            bpy.data.objects.remove(obj)
+    bpy.ops.mesh.primitive_plane_add(size=60)
+    block("Ball", (0.0, 0.0, 1.0), (2.0, 2.0, 2.0), (0.9, 0.3, 0.1))
+    block("House", (4.0, 9.0, 3.0), (5.0, 4.0, 6.0), (0.3, 0.4, 0.7))
+    scene, camera = bpy.context.scene, bpy.context.scene.camera
+    camera.matrix_world = ((1, 0, 0, 0), (0, 0, -1, -12), (0, 1, 0, 2), (0, 0, 0, 1))
+    scene.render.resolution_x, scene.render.resolution_y = 1200, 600
+    select_only("Ball")
+    with driver.override():
+        assert bpy.ops.scfpf.layer_add("EXEC_DEFAULT", True, camera=camera.name) == {"FINISHED"}
+    select_only(camera.name)
+    driver.area("VIEW_3D").spaces.active.shading.color_type = "MATERIAL"
+    with driver.override():
+        assert bpy.ops.scfpf.view_live("INVOKE_DEFAULT", True) == {"FINISHED"}
+        bpy.ops.view3d.view_center_camera()
+    yield from driver.show_sidebar()
+    yield from settled()
+    first = yield from picture(driver)
+    low, high = (np.array(place_in_frame(driver, share, share)) for share in (0.0, 1.0))
+    yield from drag_mouse(driver, high, low + 0.5 * (high - low), "layer-corner")
+    yield from settled()
+    layer = bpy.context.scene.camera.scfpf.layers[0]
+    assert np.allclose(layer.size, 0.5, atol=0.02), f"the layer's size is {tuple(layer.size)}"
+    assert np.allclose(layer.position, 0.25, atol=0.02), "the opposite corner has moved"
+    smaller = yield from picture(driver)
+    assert np.abs(smaller - first).mean() > MOVED, "the image is as before"
+    middle = low + 0.25 * (high - low)
+    yield from drag_mouse(driver, middle, middle + 0.4 * (high - low), "layer-middle")
+    yield from settled()
+    driver.shot("placed")
+    layer = bpy.context.scene.camera.scfpf.layers[0]
+    assert np.allclose(layer.position, 0.65, atol=0.02), f"the layer is at {tuple(layer.position)}"
+    # The middle of the ball, beside the dot.
+    x, y = place_in_frame(driver, 0.68, 0.62)
+    for value in ("PRESS", "RELEASE"):
+        driver.window.event_simulate("LEFTMOUSE", value, x=round(x), y=round(y))
+        yield STEP
+    yield DRAW
+    assert bpy.context.object.name == "Ball", f"the click has selected {bpy.context.object.name}"
+    for _ in range(2):
+        undo(driver)
+    yield from settled()
+    layer = bpy.context.scene.camera.scfpf.layers[0]
+    assert np.allclose(layer.size, 0.5, atol=0.02) and np.allclose(layer.position, 0.25, atol=0.02)
+
+
 SCENARIOS = (
     a_frame_is_dragged,
     a_drag_keeps_up,
     the_eye_is_turned,
     the_ring_turns_the_thing,
     a_corner_in_an_image_editor,
+    a_layers_frame_is_dragged,
 )
