@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TEMPLATE = ROOT / "devtools" / "languages" / "scfpf.pot"
-HEAD = """# Texts of SCFPF's interface. `python3 dev.py messages` writes this file.
+HEAD = """# Texts of Flexible Projection's interface. `python3 dev.py messages` writes this file.
 # SPDX-License-Identifier: GPL-3.0-or-later
 msgid ""
 msgstr ""

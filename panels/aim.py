@@ -6,9 +6,9 @@ import math
 import bpy
 
 from ..operators.common.target import flexible_camera_of
-from ..operators.common.words import label_text
+from ..operators.common.words import label_text, translated_label
 from ..scfpf_addon.bridge.settings.aim_properties import LINE, PIN, STAY, VIEW
-from .base import Subsection, draw_lines, draw_text, section_panels
+from .base import Subsection, draw_fixed, draw_lines, section_panels
 
 ICONS = {VIEW: "VIEW_CAMERA", PIN: "PINNED", LINE: "IPO_LINEAR", STAY: "LOCKED"}
 # What each kind of target shows below the list: what it is about, and how it is shown.
@@ -27,6 +27,8 @@ NUMBERS = {
 # The angle of a press of the buttons that turn a view, and what each does: to the left, and up.
 STEP = math.radians(10)
 TURNS = (("Left", STEP, 0.0), ("Right", -STEP, 0.0), ("Up", 0.0, STEP), ("Down", 0.0, -STEP))
+# Lines below the buttons for what is wrong with a target and for the outcome of a solve.
+OUTCOME_LINES = 5
 # A target is met well whose points are all within so many pixels.
 WELL_MET = 1.5
 # A view shows its thing well if 95 % of it are within so many pixels.
@@ -105,27 +107,19 @@ class _AimSection(Subsection):
         row.operator("scfpf.aim_live", text="", icon="PLAY", depress=settings.aim.live)
         if settings.active_aim < len(settings.aim_targets):
             draw_target(layout, settings.aim_targets[settings.active_aim])
-        # Below the buttons, which stay where they are.
-        column = layout.column(align=True)
-        for number, part in enumerate(settings.aim.message.split(" · ") if settings.aim.message else ()):
-            draw_text(column, part, "BLANK1" if number else "ERROR" if settings.aim.flaws else "INFO")
+        draw_outcome(layout, settings)
 
 
 def draw_target(layout, target) -> None:
-    """Draw the settings of a target, what its last solve has reached, and remedies."""
+    """Draw the settings of a target, and the buttons that move it."""
     if target.kind in (VIEW, PIN):
         layout.operator("scfpf.aim_drag", icon="VIEW_PAN")
     if target.kind == VIEW:
-        draw_turns(layout.column(align=True))
+        draw_turns(layout.column(align=True), target)
     header, body = layout.panel("scfpf_aim_target", default_closed=True)
     header.label(text="Target")
     if body is not None:
         draw_numbers(body, target)
-    if target.message:
-        draw_text(layout, target.message, "ERROR" if target.hidden > 0.0 else "INFO")
-    if target.kind == VIEW and target.hidden > 0.0 and any(target.free_turn):
-        turn = layout.operator("scfpf.aim_turn", text="Turn to Free Direction", icon="ORIENTATION_GIMBAL")
-        turn.to_free = True
 
 
 def draw_numbers(layout, target) -> None:
@@ -144,13 +138,30 @@ def draw_numbers(layout, target) -> None:
         column.prop(target, name)
 
 
-def draw_turns(column) -> None:
+def draw_outcome(layout, settings) -> None:
+    """Draw what the active target lacks and what the last solve has reached, in always the same height.
+
+    The popover of all messages has the whole texts.
+    """
+    targets = settings.aim_targets
+    own = targets[settings.active_aim].message if settings.active_aim < len(targets) else ""
+    is_flawed = settings.aim.flaws or (own and targets[settings.active_aim].hidden > 0.0)
+    # The line of the whole solve has that of its only view.
+    own = "" if own in settings.aim.message else own
+    texts = [translated_label(text) for text in (own, *settings.aim.message.split(" · ")) if text]
+    draw_fixed(layout, texts, "ERROR" if is_flawed else "INFO", OUTCOME_LINES)
+
+
+def draw_turns(column, target) -> None:
     """Draw the buttons that move a view's camera round what it shows."""
     column.label(text="Turn View")
     row = column.row(align=True)
     for text, left, up in TURNS:
         turn = row.operator("scfpf.aim_turn", text=text)
         turn.left, turn.up = left, up
+    free = row.row(align=True)
+    free.enabled = target.hidden > 0.0 and any(target.free_turn)
+    free.operator("scfpf.aim_turn", text="", icon="ORIENTATION_GIMBAL").to_free = True
 
 
 class _AimSettingsSection(Subsection):

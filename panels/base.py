@@ -86,6 +86,21 @@ def draw_text(layout, text: str | BaseException, icon: str) -> None:
         column.label(text=line, icon="BLANK1" if number else icon, translate=False)
 
 
+def draw_fixed(layout, texts, icon: str, count: int) -> bool:
+    """Draw texts in a fixed number of lines, so that nothing below them moves; return whether all fit.
+
+    texts: each begins a line, all translated. icon: before the first line.
+    """
+    lines = [line for text in texts for line in textwrap.wrap(text, LINE)]
+    shown = [*lines, *[""] * count][:count]
+    if len(lines) > count:
+        shown[-1] = f"{shown[-1]} …"
+    column = layout.column(align=True)
+    for number, line in enumerate(shown):
+        column.label(text=line, icon="BLANK1" if number or not line else icon, translate=False)
+    return len(lines) <= count
+
+
 def draw_lines(layout, lines, height: float = 0.8) -> None:
     """Draw gray lines of information, of a height in units of ordinary ones."""
     column = layout.column(align=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels of the Properties editor for the render engine SCFPF: its own, and Blender's."""
+"""Panels of the Properties editor for the render engine Flexible Projection: its own, and Blender's."""
 
 import bpy
 
@@ -36,7 +36,7 @@ def _blenders_panels():
 
 
 class EnginePanel:
-    """A panel of the Properties editor that only the engine SCFPF shows."""
+    """A panel of the Properties editor that only the engine Flexible Projection shows."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"

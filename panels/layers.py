@@ -3,9 +3,8 @@
 
 import bpy
 
-from ..operators.common.words import label_text
 from ..scfpf_addon.bridge.layers.read_image_layers import lacking
-from .base import Subsection, draw_text, section_panels
+from .base import Subsection, section_panels
 
 # Sizes of the picture of layers and of the color of one, in units of Blender's interface.
 PICTURE, SWATCH = 9.0, 0.8
@@ -60,8 +59,6 @@ class _LayersSection(Subsection):
         animation = row.operator("scfpf.layers_render", text="", icon="RENDER_ANIMATION")
         animation.camera, animation.animation = camera.name, True
         layout.operator("scfpf.layer_check", icon="VIEWZOOM")
-        if settings.active_layer < len(settings.layers):
-            draw_state(layout, settings.layers[settings.active_layer])
         draw_picture(layout, settings.layer_image)
 
 
@@ -91,15 +88,6 @@ def draw_layer(layout, layer) -> None:
     row = border.row()
     row.active = layer.halo > 0.0
     row.prop(layer, "feather")
-
-
-def draw_state(layout, layer) -> None:
-    """Draw what a layer lacks, or what Check Layers has found."""
-    lack = lacking(layer)
-    if lack:
-        draw_text(layout, label_text("Left out: {0}", lack), "ERROR")
-    elif layer.is_on and layer.message:
-        draw_text(layout, layer.message, "ERROR")
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -6,28 +6,29 @@ So nothing below it moves when a message comes or goes. The most urgent one is s
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import bpy
 
 from ..operators.camera.preview import FLAT
-from ..operators.camera.ways import rendered_camera
+from ..operators.camera.ways import joined_engine, rendered_camera
 from ..operators.common.target import flexible_camera_of
 from ..operators.common.words import label_text, translated_label
+from ..scfpf_addon.anchors.kept_plan import KeptPlan
 from ..scfpf_addon.bridge.blends.camera_blend import is_blend
 from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
-from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
-from ..scfpf_addon.bridge.render.image_size import image_aspect
+from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, lacking, not_here, shown_layers
+from ..scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ..scfpf_addon.bridge.sync.camera_sync import sharers
 from ..scfpf_addon.casting.scene.embreex import caster_fault
 from ..scfpf_addon.cycles.engine_choice import renders_by_cycles
+from ..scfpf_addon.engines.render_times import estimated_seconds
 from ..scfpf_addon.projection.user_error import Message, UserError
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
-from .base import LINE, draw_text
+from .base import draw_fixed, draw_text
 from .surface_list import absence_of
 
 # Lines of text that a message has in the panel; the popover shows it whole.
@@ -77,15 +78,23 @@ def messages(context, camera) -> Iterator[Told]:
         )
     if renders_by_cycles(scene, camera) and shown_layers(camera):
         yield Told(NOT_BY_F12)
+    for layer in camera.scfpf.layers:
+        if layer.is_on and (text := lacking(layer) or layer.message):
+            yield Told(Message("Layer '{0}': {1}", layer.name, text), "ERROR")
     shown = rendered_camera(scene)
     if not shown:
-        yield Told(Message("The scene has no camera for F12: SCFPF Engine and Cycles make it this one"))
+        yield Told(
+            Message("The scene has no camera for F12: press Flexible Projection or Cycles below With F12")
+        )
     elif shown != camera.name:
-        yield Told(Message("F12 shows {0}: SCFPF Engine and Cycles make it show this camera", shown))
+        yield Told(Message("F12 shows {0}: press Flexible Projection or Cycles below With F12", shown))
     if scene.render.use_multiview:
         yield Told(Message("One view: F12 renders all"))
     if camera.scfpf.report:
         yield Told(camera.scfpf.report, "CHECKMARK")
+    if text := plan_text(scene, camera):
+        yield Told(text)
+    yield from _of_aim(camera.scfpf)
     if is_plain(camera):
         yield Told(NEXT)
 
@@ -98,6 +107,29 @@ def problems(scene, camera) -> list[str]:
         found.append("A volume needs two control surfaces")
     absent = {absence_of(scene, slot) for slot in slots}
     return found + [text for where, text in ABSENT.items() if where in absent]
+
+
+def plan_text(scene, camera) -> str:
+    """The text of the plan that a camera keeps for renders by another engine; empty without one."""
+    plan = KeptPlan.read(camera.scfpf.anchor_plan)
+    if plan is None:
+        return ""
+    if plan.size != image_size(scene):
+        return label_text("Plan of {0} × {1} pixels: plan again", *plan.size)
+    count, pixels = len(plan.anchors), plan.pixels
+    renderer = joined_engine(scene)
+    seconds = estimated_seconds(renderer, count, pixels * plan.size[0] * plan.size[1])
+    text = label_text("Plan: {0} renders, {1:.2%}, {2:.1f} × the pixels", count, plan.shown, pixels)
+    return text if seconds is None else label_text("{0}, about {1:.0f} s", text, seconds)
+
+
+def _of_aim(settings) -> Iterator[Told]:
+    """The outcome of the last solve, which the panel Aim shows in part."""
+    for target in settings.aim_targets:
+        if target.is_on and target.message:
+            yield Told(target.message, "ERROR" if target.hidden > 0.0 else "INFO")
+    if settings.aim_targets and settings.aim.message:
+        yield Told(settings.aim.message, "ERROR" if settings.aim.flaws else "INFO")
 
 
 def is_plain(camera) -> bool:
@@ -139,17 +171,13 @@ def draw_messages(layout, context, camera) -> None:
     """Draw the most urgent message, with its button and that of the popover, in ``LINES`` + 1 lines."""
     found = list(messages(context, camera))
     first = found[0] if found else Told(READY, "CHECKMARK")
-    lines = textwrap.wrap(translated_label(first.text).replace(" · ", ", "), LINE)
-    shown = [*lines, *[""] * LINES][:LINES]
-    if len(lines) > LINES:
-        shown[-1] = f"{shown[-1]} …"
     column = layout.box().column(align=True)
-    for number, line in enumerate(shown):
-        column.label(text=line, icon="BLANK1" if number else first.icon, translate=False)
+    text = translated_label(first.text).replace(" · ", ", ")
+    fits = draw_fixed(column, [text], first.icon, LINES)
     row = column.row(align=True)
     if first.operator:
         row.operator(first.operator)
-    if len(found) > 1 or len(lines) > LINES:
+    if len(found) > 1 or not fits:
         row.popover("SCFPF_PT_messages", text=label_text("All Messages: {0}", len(found)))
     elif not first.operator:
         row.label()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SCFPF: flexible projection for Blender.
+"""Flexible Projection for Blender.
 
 ``projection``, ``casting`` and ``shading`` import no bpy and are usable as a
 plain Python library; ``bridge`` is the only way between them and Blender.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choose SCFPF as the render engine, and warn when F12 ignores a flexible camera."""
+"""Choose Flexible Projection as the render engine, and warn when F12 ignores a flexible camera."""
 
 import bpy
 
@@ -7,6 +7,8 @@ from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import warnings
+from ...scfpf_addon.cycles.rig import switch_off
+from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common.modal_job import ModalJob
 from ..common.target import flexible_camera_of, poll_scene
 from ..common.tool import Action
@@ -16,22 +18,24 @@ LOOK = 0.5
 
 
 class SCFPF_OT_engine_use(Action, bpy.types.Operator):
-    """Choose SCFPF as the scene's render engine and this camera as the scene's, so that F12 and animations
-    show the flexible camera"""
+    """Choose Flexible Projection as the scene's render engine and this camera as the scene's, so that F12 and
+    animations show the flexible camera; a setup for Cycles is removed"""
 
     bl_idname = "scfpf.engine_use"
-    bl_label = "Use SCFPF for F12"
+    bl_label = "Use Flexible Projection for F12"
 
     poll = classmethod(poll_scene)
 
     def act(self, context):
         scene, camera = context.scene, flexible_camera_of(context)
+        if (rig := rig_of(scene)) is not None:
+            switch_off(rig)
         keep(scene, "camera")
         keep(scene.render, "engine")
         scene.render.engine = ENGINE
         if camera is not None and camera_behind(scene.camera) != camera and camera.name in scene.objects:
             scene.camera = camera
-        return "F12 renders through the flexible camera with SCFPF"
+        return "F12 renders the flexible camera's picture with Flexible Projection"
 
 
 class SCFPF_OT_engine_warn(ModalJob, bpy.types.Operator):

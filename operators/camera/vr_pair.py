@@ -24,8 +24,8 @@ LEAST_REACH, FAR_MARGIN = 100.0, 1.25
 
 
 class SCFPF_OT_vr_pair(Action, bpy.types.Operator):
-    """Add two cameras for 360° stereo pictures at the 3D cursor: F12 with SCFPF renders a spherical panorama
-    for each eye"""
+    """Add two cameras for 360° stereo pictures at the 3D cursor: F12 with Flexible Projection renders a
+    spherical panorama for each eye"""
 
     bl_idname = "scfpf.vr_pair"
     bl_label = "Flexible Cameras for 360° Stereo"
@@ -102,7 +102,10 @@ class SCFPF_OT_vr_pair(Action, bpy.types.Operator):
             scene.camera = cameras[0]
             select_only(context, cameras[0])
             show_in_local_view(context, cameras)
-        return "Both eyes move with VR_L: set a resolution twice as wide as high, and press F12 with SCFPF"
+        return (
+            "Both eyes move with VR_L: set a resolution twice as wide as high, and press F12 with Flexible "
+            "Projection"
+        )
 
     def _surfaces(self, side: float, reach: float):
         """The points (rows, columns, 3) of an eye's places, and those at which its projectors end.

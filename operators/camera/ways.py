@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.blender import versions
 from ...scfpf_addon.bridge.blender.draw_handler import DrawHandler
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
@@ -26,8 +27,15 @@ from ..image.preparation import redraw_interface
 
 NO_VIEWPORT = "This window has no 3D viewport to show the picture in: open one"
 OTHER_ENGINE = (
-    "Rendered shading uses the scene's render engine, which ignores the volume: choose SCFPF Engine first"
+    "Rendered shading uses the scene's render engine, which ignores the volume: press Flexible "
+    "Projection below With F12 first"
 )
+
+
+def joined_engine(scene) -> str:
+    """The engine whose renders the panel offers to join: EEVEE, or another one that the scene has."""
+    engine: str = scene.render.engine
+    return versions.EEVEE if engine in {ENGINE, CYCLES} else engine
 
 
 def viewport_for(context, camera):

@@ -9,7 +9,7 @@ from ...scfpf_addon.bridge.render.result_image import result_image
 def image_editors(window_manager) -> list:
     """The image spaces that may show a render, as F12 chooses them.
 
-    Those that show the last render of SCFPF come first, then empty ones, then those of Blender's render. An
+    Those that show the Render button's last image come first, then empty ones, then those of F12's. An
     editor with another image is the user's reference.
     """
     spaces = [

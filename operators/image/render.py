@@ -135,16 +135,16 @@ class SCFPF_OT_render(ModalJob, bpy.types.Operator):
             self.report({"INFO"}, report_text("{0}. Show Picture, the icon beside Render, opens it", outcome))
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
-            bpy.ops.ed.undo_push(message="SCFPF Render")
+            bpy.ops.ed.undo_push(message="Render Flexible Camera")
         return {"FINISHED"}
 
     def _show_progress(self, context):
         percent = int(100 * self._job.progress)
-        text = report_text("SCFPF: rendering, {0} %    Esc: cancel", percent)
+        text = report_text("Flexible Projection: rendering, {0} %    Esc: cancel", percent)
         if self._job.building:
-            text = "SCFPF: building the acceleration structure, which cannot be canceled"
+            text = "Flexible Projection: building the acceleration structure, which cannot be canceled"
         elif self._job.cancelled:
-            text = "SCFPF: canceling"
+            text = "Flexible Projection: canceling"
         if self.show(context, text):
             _redraw()
 

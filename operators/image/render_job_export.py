@@ -15,7 +15,7 @@ from ..common.tool import Action
 from ..common.words import report_text
 
 WAY_ITEMS = (
-    ("ENGINE", "SCFPF", "The engine SCFPF. Workers need the extension"),
+    ("ENGINE", "Flexible Projection", "The engine Flexible Projection. Workers need the extension"),
     ("CYCLES", "Cycles", "Cycles through the rig in the file. Workers need no extension"),
     ("LAYERS", "Layers by Cycles", "Cycles with the image layers. Workers need the extension"),
     ("EEVEE", "EEVEE", "EEVEE's renders, joined. Workers need the extension and a graphics card"),

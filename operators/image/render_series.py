@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The base of operators whose one picture takes several renders by SCFPF, each of a part of it."""
+"""The base of operators whose one picture takes several renders by the caster, each of a part of it."""
 
 from __future__ import annotations
 
@@ -81,7 +81,9 @@ class RenderSeries(ModalJob):
 
     def tick(self, context):
         if self._job.running:
-            text = report_text("SCFPF: part {0} of {1}    Esc: cancel", self._done + 1, self._count)
+            text = report_text(
+                "Flexible Projection: part {0} of {1}    Esc: cancel", self._done + 1, self._count
+            )
             self.show(context, text)
             return {"PASS_THROUGH"}
         self._take_part()

@@ -115,7 +115,7 @@ class PicturesRender(ModalJob):
         outcome = self.begin(context)
         bpy.app.handlers.render_cancel.append(_note_cancel)
         self.ends.callback(bpy.app.handlers.render_cancel.remove, _note_cancel)
-        self.show(context, report_text("SCFPF: reading the scene"))
+        self.show(context, report_text("Flexible Projection: reading the scene"))
         return outcome
 
     def escape(self, _context):
@@ -133,7 +133,7 @@ class PicturesRender(ModalJob):
         if _cancelled:
             return super().escape(context)
         if self._job.step():
-            self.show(context, report_text("SCFPF: {0}    Esc: cancel", self._job.progress))
+            self.show(context, report_text("Flexible Projection: {0}    Esc: cancel", self._job.progress))
             self._job.render(in_window=True)
             return {"RUNNING_MODAL"}
         self._job.close()

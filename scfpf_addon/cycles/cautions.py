@@ -16,8 +16,8 @@ from .rig_data import CYCLES, LAYOUT, NO_CYCLES, has_cycles
 MAPPINGS_PATH = "scfpf.mappings["
 NO_AREA = Message("Projectors meet in a line, and what is behind it shows too: widen that control surface")
 FREESTYLE = Message(
-    "Freestyle's lines are left out, as it only draws what an ordinary camera sees: render with SCFPF and "
-    "use Drawn Style"
+    "Freestyle's lines are left out, as it only draws what an ordinary camera sees: render with Flexible "
+    "Projection and use Drawn Style"
 )
 OWN_DEPTH = Message(
     "Cycles' own passes Depth and Mist measure to the rig's camera: press t, Depth, (u, v, t) Passes and use "
@@ -26,7 +26,9 @@ OWN_DEPTH = Message(
 PASSES_CHANGED = Message(
     "The node SCFPF Passes has the mist of another world, or is of another version: press Update Chords"
 )
-STEPS = Message("Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with SCFPF")
+STEPS = Message(
+    "Sharp seams of maps have steps of 1/256 of the picture: for finer ones render with Flexible Projection"
+)
 # Pixels whose sizes in space differ by a larger factor from those that Cycles takes them for differ visibly.
 # Textures of a fisheye of 120° have 1.44 and are off by 0.026 beside Cycles' own one; of 90° 1.23 and 0.006.
 MOST_SPREAD = 1.3
@@ -125,7 +127,11 @@ def _about_volume(scene, settings) -> list[str]:
             Message("Off by up to {0:.2g} px, the best possible: bend the volume less", settings.error)
         )
     if settings.missing > 0.0:
-        found.append(Message("Empty parts of the image are filled in: render with SCFPF to keep them empty"))
+        found.append(
+            Message(
+                "Empty parts of the image are filled in: render with Flexible Projection to keep them empty"
+            )
+        )
     found += [
         Message(
             "Cycles shows the control surface '{0}': make it local, or remove its Ray Visibility drivers",
@@ -134,7 +140,11 @@ def _about_volume(scene, settings) -> list[str]:
         for name in hidden_surfaces.seen_surfaces(scene)
     ]
     if _mappings_move(settings.camera):
-        found.append(Message("Image mappings stand still in an animation by Cycles: render it with SCFPF"))
+        found.append(
+            Message(
+                "Image mappings stand still in an animation by Cycles: render it with Flexible Projection"
+            )
+        )
     return found
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The choice of the render engine: whether F12 renders the volume, by SCFPF, or by Cycles through the rig."""
+"""The choice of the render engine: whether F12 renders the volume, by itself or through the rig."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .rig_data import CYCLES, rig_of
 warnings: deque[str] = deque()
 
 # The warning about F12 through a rig in a stereoscopic scene.
-ALIKE = Message("Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy")
+ALIKE = Message("Cycles renders all views alike: render with Flexible Projection, or switch off Stereoscopy")
 
 
 def engine_name(scene) -> str:
@@ -52,7 +52,7 @@ def f12_warning(scene) -> str:
     if camera is None:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
     return Message(
-        "{0} ignores the volume of '{1}': choose SCFPF as render engine, "
+        "{0} ignores the volume of '{1}': choose Flexible Projection as render engine, "
         "or press Cycles or Render with EEVEE in the camera's panel",
         engine_name(scene),
         camera.name,
@@ -65,6 +65,6 @@ def render_begins(scene) -> None:
     if not message:
         return
     if bpy.app.background:
-        print(f"SCFPF: warning: {message}", file=sys.stderr)
+        print(f"Flexible Projection: warning: {message}", file=sys.stderr)
     else:
         warnings.append(translated_report(message))

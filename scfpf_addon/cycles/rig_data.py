@@ -113,7 +113,7 @@ def check_surfaces(camera) -> None:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise UserError(
                 "Cycles cannot follow the lattice '{0}': use control surfaces instead of it, or "
-                "render with SCFPF",
+                "render with Flexible Projection",
                 slot.object.name,
             )
     count = len(camera.scfpf.surfaces)

@@ -14,7 +14,7 @@ from ..projection.user_error import Message
 from ..shading.frame import Frame
 from ..shading.typing import Single
 
-LEFT_OUT = "Pictures that are joined lack some passes, which the SCFPF engine may have: {0}"
+LEFT_OUT = "Pictures that are joined lack some passes, which the engine Flexible Projection may have: {0}"
 # Light is that of the renders, and motion is not known from one picture.
 NOT_BY_CASTER = {"DIFFUSE", "SPECULAR", "EMISSION", "ENVIRONMENT", "SHADOW", "SHADOW_CATCHER", "VECTOR"}
 DATA_SWITCHES = {each.property for each in PASS_SWITCHES if each.render_pass.source not in NOT_BY_CASTER}

@@ -41,12 +41,13 @@ SHAPE = ("vertices", "triangles", "visibility")
 # The largest radiance that is taken from an engine's pixels.
 LARGEST = 1e6
 NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
-LAYERS = "Layers are not joined from renders by '{0}': render with SCFPF, or layers with Cycles"
+LAYERS = "Layers are not joined from renders by '{0}': render with Flexible Projection, or layers with Cycles"
 SCREEN = (
-    "'{0}' hides what pops out of it from '{1}': switch it off in renders, or render with SCFPF or Cycles"
+    "'{0}' hides what pops out of it from '{1}': switch it off in renders, or render with Flexible "
+    "Projection or Cycles"
 )
 BACKS = "Data passes show the backs of faces that the other engine leaves out"
-HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: SCFPF has colored it"
+HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: Flexible Projection has colored it"
 
 
 class AnchoredRender:

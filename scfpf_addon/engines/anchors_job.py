@@ -18,7 +18,9 @@ from ..projection.user_error import UserError
 from .anchor_scene import AnchorScene
 from .anchored_render import AnchoredRender
 
-OWN_ENGINE = "Choose another render engine than SCFPF first, such as EEVEE: its pictures are joined"
+OWN_ENGINE = (
+    "Choose another render engine than Flexible Projection first, such as EEVEE: its pictures are joined"
+)
 
 
 class AnchorsJob(LayersJob):

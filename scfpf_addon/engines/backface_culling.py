@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Backface culling as engines do it: EEVEE by material, Workbench for all faces, others never.
 
-The SCFPF engine shows all faces, as Cycles does: its pictures and Cycles' are compared.
+The engine Flexible Projection shows all faces, as Cycles does: its pictures and Cycles' are compared.
 """
 
 from __future__ import annotations

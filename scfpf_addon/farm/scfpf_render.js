@@ -3,12 +3,12 @@
 // `blender -c scfpf flamenco -o DIR` writes it; it belongs into the folder `scripts` beside flamenco-manager.
 
 const JOB_TYPE = {
-    label: "SCFPF Flexible Film",
-    description: "Render a flexible camera by SCFPF, by Cycles through a rig, with image layers, or by EEVEE",
+    label: "Flexible Film",
+    description: "Render a flexible camera by Flexible Projection, by Cycles through a rig, with image layers, or by EEVEE",
     settings: [
         { key: "way", type: "string", required: true, default: "engine",
           choices: ["engine", "cycles", "layers", "eevee"],
-          description: "engine: SCFPF. cycles: the rig in the file, without the extension. layers: image layers by Cycles. eevee: through anchors" },
+          description: "engine: Flexible Projection. cycles: the rig in the file, without the extension. layers: image layers by Cycles. eevee: through anchors" },
         { key: "frames", type: "string", required: true,
           eval: "f'{C.scene.frame_start}-{C.scene.frame_end}'",
           evalInfo: { showLinkButton: true, description: "Frames of the scene" },

@@ -43,7 +43,7 @@ def failure_message(error: Exception) -> str:
     traceback.print_exception(error)
     return translated_report(
         Message(
-            "SCFPF failed: look at the system console for the place ({0}: {1})",
+            "Flexible Projection failed: look at the system console for the place ({0}: {1})",
             type(error).__name__,
             str(error),
         )

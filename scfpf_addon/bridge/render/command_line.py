@@ -158,12 +158,15 @@ def _render(options) -> None:
         raise UserError(f"cannot write {options.output}: it is a folder")
     scene = open_file(options.file)
     if options.engine and (options.style or options.pixel_error is not None):
-        raise UserError("--style and --pixel-error are for SCFPF's own engine, not for --engine")
+        raise UserError(
+            "--style and --pixel-error are for Flexible Projection's own engine, not for --engine"
+        )
     if options.cycles and options.engine:
         raise UserError("--cycles and --engine exclude each other")
     if options.frames and not (options.cycles or options.engine):
         raise UserError(
-            "--frames needs --cycles or --engine: for SCFPF's own engine use blender -b FILE -E SCFPF -a"
+            "--frames needs --cycles or --engine: for Flexible Projection's own engine use "
+            "blender -b FILE -E SCFPF -a"
         )
     # A path that cannot be written is reported before the render.
     output = with_ending(str(options.output.absolute()), scene)

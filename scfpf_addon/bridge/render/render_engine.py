@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine SCFPF: F12, animations and ``blender -b -E SCFPF``."""
+"""The render engine Flexible Projection: F12, animations and ``blender -b -E SCFPF``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .scene_preparation import BUILDING, prepare_scene
 ENGINE = "SCFPF"
 # Seconds after the start of a job in a window until a reported error is sure to end it.
 SETTLE_SECONDS = 0.5
-GIVEN_UP = "SCFPF was disabled during the render: enable it and render again"
+GIVEN_UP = "Flexible Projection was disabled during the render: enable it and render again"
 
 # Passes that Blender draws Grease Pencil into.
 DRAWN_INTO = ("Combined", "Depth", "GreasePencil")
@@ -44,7 +44,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
     """Renders images through flexible cameras, and through ordinary ones too."""
 
     bl_idname = ENGINE
-    bl_label = "SCFPF"
+    bl_label = "Flexible Projection"
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
     # This engine renders Freestyle's lines. EEVEE, which Blender takes otherwise, has to build its shaders.

@@ -89,7 +89,8 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     if not scene.render.use_multiview:
         return inputs
     warning = Message(
-        "This is one view, that of '{0}': press F12 with SCFPF for all views of the scene", camera.name
+        "This is one view, that of '{0}': press F12 with Flexible Projection for all views of the scene",
+        camera.name,
     )
     return replace(inputs, scene=replace(inputs.scene, warnings=(*inputs.scene.warnings, warning)))
 

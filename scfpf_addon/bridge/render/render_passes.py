@@ -91,7 +91,9 @@ MADE_SWITCHES = {each.property for each in PASS_SWITCHES} | {
     "use_pass_combined",
     *(f"use_pass_cryptomatte_{kind}" for kind in ("object", "material", "accurate")),
 }
-ABSENT = Message("Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): ")
+ABSENT = Message(
+    "Passes that Flexible Projection does not make (use Cycles through the rig of the Cycles panel): "
+)
 # What Depth measures, in files.
 ALONG_AXIS = "Distance from the camera along its axis"
 ALONG_PROJECTORS = "Length of the projector from the near surface"
@@ -206,7 +208,7 @@ def _switch(name, description):
 
 
 class SCFPF_ViewLayer(bpy.types.PropertyGroup):
-    """Passes of a view layer that only the SCFPF engine has."""
+    """Passes of a view layer that only the engine Flexible Projection has."""
 
     use_pass_diffuse: _switch(
         "Diffuse",

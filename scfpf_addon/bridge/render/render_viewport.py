@@ -78,7 +78,7 @@ class ViewportRender:
             self._message = failure_message(error)
         message = self._message or self._painter.message
         status = "Rendering" if self._painter.busy else "Rendering Done"
-        engine.update_stats("SCFPF", message or f"{status}{self._strokes}")
+        engine.update_stats("Flexible Projection", message or f"{status}{self._strokes}")
         if self._texture is None or message:
             return
         left, bottom, width, height = self._rectangle

@@ -46,7 +46,7 @@ def register_types(modules: Sequence[ModuleType]) -> None:
 
 
 def unregister_types(modules: Sequence[ModuleType]) -> None:
-    """Unregister modules in reverse order, after the render job if one runs; a job of SCFPF is cancelled."""
+    """Unregister modules in reverse order, after a running render job; a job of this engine is cancelled."""
     _waiting[:] = modules
     if not bpy.app.is_job_running("RENDER"):
         _finish()

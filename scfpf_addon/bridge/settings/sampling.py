@@ -16,7 +16,7 @@ SMALLEST_WIDTH = 0.01
 
 
 class SCFPF_Sampling(bpy.types.PropertyGroup):
-    """Sampling settings of the SCFPF engine and the Render button, apart from the number of samples."""
+    """Sampling settings of the engine and the Render button, apart from the number of samples."""
 
     pixel_filter: choice(
         "Pixel Filter",

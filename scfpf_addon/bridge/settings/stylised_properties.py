@@ -35,7 +35,7 @@ PIXELS = "in pixels at 100 % resolution: other percentages scale it"
 
 
 class SCFPF_Drawn(bpy.types.PropertyGroup):
-    """Settings of Drawn Style in the SCFPF engine and the Render button; only Combined follows them."""
+    """Settings of Drawn Style in the engine and the Render button; only Combined follows them."""
 
     use_drawn: switch(
         "Drawn Style", "Draw the picture: lines, flat shades and paper; other passes stay as they are", False

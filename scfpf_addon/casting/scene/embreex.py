@@ -15,7 +15,7 @@ from ..common.hits import CastError
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
-REMEDY = "install SCFPF again from the zip for this system, which brings embreex {0} or later"
+REMEDY = "install Flexible Projection again from the zip for this system, which brings embreex {0} or later"
 
 # File names of compiled modules and libraries: Linux, macOS, Windows.
 LIBRARY = re.compile(r"\.(so|dylib|pyd|dll)(\.|$)")

@@ -36,7 +36,9 @@ UNJOINED = (
 )
 # Switches that add no pass.
 OPTIONS = ("use_pass_combined", "use_pass_cryptomatte_accurate")
-LEFT_OUT = "Pictures with layers by Cycles lack some passes, which the SCFPF engine may have: {0}"
+LEFT_OUT = (
+    "Pictures with layers by Cycles lack some passes, which the engine Flexible Projection may have: {0}"
+)
 # Cycles divides light by its colour, without which it cannot be joined.
 LIGHT, COLOR = ("_direct", "_indirect"), "_color"
 # The names of these colours since Blender 5, and before.

@@ -27,7 +27,7 @@ TEXT_KEY = "scfpf_skips"
 MADE_FOR = (
     "Rays skip the chords of '{camera}' in which '{scene}' with its {objects} objects shows nothing at "
     "{when}, found by Blender {version}. {others}After a change of the scene or the volume "
-    "render with the add-on SCFPF, or switch off Skip in the modifier"
+    "render with the add-on Flexible Projection, or switch off Skip in the modifier"
 )
 OTHER_FRAMES = "At other frames, and with other motion blur, they travel all chords. "
 # Seconds that a rig that is made may take for the frames of a scene, and a render of an animation.

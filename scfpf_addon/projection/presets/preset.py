@@ -290,7 +290,9 @@ def _preset(data: object, start: float) -> Preset:
     settings = ("basis", "reparameterisation", "u_range", "v_range", "aspect", "fit", "surfaces")
     values = read_object(data, "the preset", (*about, *settings), ("subject", "group", "mappings"))
     if type(values["format"]) is not int or values["format"] != FORMAT:
-        raise PresetError("format must be {0}, the only one that this version of SCFPF reads", FORMAT)
+        raise PresetError(
+            "format must be {0}, the only one that this version of Flexible Projection reads", FORMAT
+        )
     items = values["surfaces"]
     if not isinstance(items, list) or not 2 <= len(items) <= MAXIMUM_SURFACES:
         raise PresetError("surfaces must be a list of 2 to {0} surfaces", MAXIMUM_SURFACES)

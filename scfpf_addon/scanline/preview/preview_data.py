@@ -100,7 +100,9 @@ def _check_surfaces(camera) -> None:
     surfaces = [slot.object for slot in camera.scfpf.surfaces]
     if any(surface is not None and surface.scfpf_surface.kind == LATTICE_KIND for surface in surfaces):
         raise UserError(
-            "'{0}' holds a lattice, which the nodes preview cannot follow: render it with SCFPF", camera.name
+            "'{0}' holds a lattice, which the nodes preview cannot follow: "
+            "render it with Flexible Projection",
+            camera.name,
         )
     if len(surfaces) < 2 or None in surfaces:
         raise UserError("'{0}' needs at least two control surfaces before it can be previewed", camera.name)

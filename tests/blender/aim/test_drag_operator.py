@@ -107,10 +107,13 @@ def test_the_panel_shows_the_active_target_and_its_remedy(camera, place):
     record = drawn(section)
     assert ("list", "SCFPF_UL_aim") in record and ("operator", "scfpf.aim_solve") in record
     assert "24 of 24 points within 1.5 px" in texts(record)
-    assert record.count(("operator", "scfpf.aim_turn")) == 4
+    assert record.count(("operator", "scfpf.aim_turn")) == 5
     target = camera.scfpf.aim_targets[0]
     target.hidden, target.hidden_by, target.free_turn = 0.5, "Left Wall", (0.2, 0.0)
-    assert drawn(section).count(("operator", "scfpf.aim_turn")) == 5
+    target.message = "Hidden by 'Left Wall'"
+    changed = drawn(section)
+    assert "Hidden by 'Left Wall'" in texts(changed)
+    assert [entry[0] for entry in changed] == [entry[0] for entry in record], "messages move nothing"
     bpy.ops.scfpf.aim_pin_add(camera=camera.name, point=(0, 0, 0), position=(0.5, 0.4))
     names = {entry[2] for entry in drawn(section) if entry[0] == "prop"}
     assert {"handle", "position", "use_direction"} <= names and "eye" not in names

@@ -236,7 +236,7 @@ def test_the_recipe_of_blur_by_depth_is_that_of_an_ordinary_camera(addon, camera
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_the_recipe_works_with_the_engines_own_depth(addon, camera, lens):
-    """Defocus fed with Depth by SCFPF's engine, and with that by Cycles; a pixel of an edge may differ."""
+    """Defocus fed with Depth by the engine, and with that by Cycles; a pixel of an edge may differ."""
     scene = bpy.context.scene
     for name, value in LENSES[lens].items():
         setattr(camera.data, name, value)

@@ -4,7 +4,7 @@
 import bpy
 import pytest
 from operator_steps import add_camera, add_cube, poll_message
-from recorded_layout import drawn, texts
+from recorded_layout import drawn, read_words, texts
 
 
 def viewport():
@@ -92,7 +92,7 @@ def test_the_engines_button_makes_the_panels_camera_that_of_f12(camera):
 
 def test_rendered_needs_the_engine_and_says_so(addon, camera, space):
     with there():
-        assert "choose SCFPF Engine first" in poll_message(bpy.ops.scfpf.view_rendered)
+        assert "press Flexible Projection below With F12 first" in poll_message(bpy.ops.scfpf.view_rendered)
     bpy.ops.scfpf.engine_use()
     assert press("view_rendered") == {"FINISHED"}
     assert (space.shading.type, space.region_3d.view_perspective) == ("RENDERED", "CAMERA")
@@ -125,17 +125,28 @@ def test_buttons_without_a_flexible_camera_or_a_viewport_say_what_to_do(space):
 
 
 @pytest.mark.usefixtures("built_groups")
-def test_cycles_and_the_engine_take_turns_with_one_rig(addon, camera):
+def test_the_engine_leaves_nothing_of_cycles(addon, camera):
+    """After Cycles and the engine the scene has the objects of before, and the artist's camera is its own."""
     rig_data, choice = addon("cycles.rig_data"), addon("cycles.engine_choice")
     scene = bpy.context.scene
-    assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
-    rig = rig_data.rig_of(scene)
-    assert rig.scfpf_rig.camera == camera and choice.renders_by_cycles(scene, camera)
-    bpy.ops.scfpf.engine_use()
-    assert scene.render.engine == "SCFPF" and not choice.renders_by_cycles(scene, camera)
-    name = rig.name
-    assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
-    assert rig_data.rig_of(scene).name == name and choice.renders_by_cycles(scene, camera)
+    objects, viewports = {obj.name for obj in bpy.data.objects}, viewport().spaces.active.use_local_camera
+    for _ in range(2):
+        assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
+        assert rig_data.rig_of(scene).scfpf_rig.camera == camera and choice.renders_by_cycles(scene, camera)
+        assert scene.camera != camera and len(bpy.data.objects) > len(objects)
+        assert bpy.ops.scfpf.engine_use() == {"FINISHED"}
+        assert scene.render.engine == "SCFPF" and not choice.renders_by_cycles(scene, camera)
+        assert scene.camera == camera and rig_data.rig_of(scene) is None
+        assert {obj.name for obj in bpy.data.objects} == objects
+        assert viewport().spaces.active.use_local_camera == viewports
+
+
+def test_the_line_of_f12_names_buttons_that_the_panel_has(addon, camera):
+    """The second camera is the panel's, the first one the scene's."""
+    other = add_camera()
+    told = [str(one.text) for one in addon("panels.messages").messages(bpy.context, other)]
+    assert f"F12 shows {camera.name}: press Flexible Projection or Cycles below With F12" in told
+    assert {"Flexible Projection", "Cycles", "With F12"} <= read_words(addon, "Flexible Projection")
 
 
 @pytest.mark.usefixtures("built_groups")
@@ -169,13 +180,14 @@ def test_a_refused_cycles_setup_is_one_message(camera):
     assert str(caught.value).count("Error") == 1 and "Traceback" not in str(caught.value)
 
 
-def test_the_panel_shows_the_plan_of_another_engines_renders(camera):
+def test_the_messages_tell_the_plan_of_another_engines_renders(addon, camera):
     """How many renders, how much of the picture, and that another size needs another plan."""
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 36, 100
 
     def shown():
-        return texts(drawn(bpy.types.SCFPF_PT_view))
+        told = [str(one.text) for one in addon("panels.messages").messages(bpy.context, camera)]
+        return " ".join(text for text in told if text.startswith("Plan"))
 
     assert "Plan" not in shown()
     assert bpy.ops.scfpf.preset_apply(preset="inverted_perspective") == {"FINISHED"}
@@ -183,3 +195,20 @@ def test_the_panel_shows_the_plan_of_another_engines_renders(camera):
     assert "Plan: " in shown() and " renders, " in shown()
     scene.render.resolution_x = 70
     assert "Plan of 64 × 36 pixels: plan again" in shown() and "renders" not in shown()
+
+
+def test_no_message_moves_the_panels_buttons(camera):
+    """With and without a plan, a message of the engine and one of another camera, there are as many lines."""
+    scene, view = bpy.context.scene, bpy.types.SCFPF_PT_view
+    scene.render.engine = "SCFPF"
+
+    def lines():
+        return [entry[0] for entry in drawn(view) if entry[0] != "popover"].count("label")
+
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 36, 100
+    assert bpy.ops.scfpf.preset_apply(preset="inverted_perspective") == {"FINISHED"}
+    before = lines()
+    assert bpy.ops.scfpf.joined_plan(camera=camera.name, engine="EEVEE") == {"FINISHED"}
+    assert lines() - before in (0, -1), "the popover takes the place of an empty line"
+    scene.render.resolution_x = 70
+    assert lines() - before in (0, -1)

@@ -291,10 +291,11 @@ def test_layers_that_cannot_be_shown_are_told(scene, addon):
 
 @pytest.mark.usefixtures("built_groups")
 def test_the_panel_says_what_a_layer_lacks(scene):
-    add().camera = None
+    layer = add()
+    layer.camera = None
     scene.camera.select_set(True)
-    text = texts(drawn(bpy.types.SCFPF_PT_view_layers))
-    assert "Left out: it has no camera: choose one under Seen By" in text
+    text = texts(drawn(bpy.types.SCFPF_PT_view))
+    assert f"Layer '{layer.name}': it has no camera: choose one under Seen By" in text
 
 
 def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):

@@ -101,7 +101,10 @@ def test_render_properties_say_it_below_the_engine(scene, addon, monkeypatch):
 def test_f12_prints_a_warning(scene, capfd):
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
     bpy.ops.render.render()
-    assert f"SCFPF: warning: Cycles {IGNORED} of 'Flexible Camera': choose SCFPF" in capfd.readouterr().err
+    assert (
+        f"Flexible Projection: warning: Cycles {IGNORED} of 'Flexible Camera': choose Flexible"
+        in capfd.readouterr().err
+    )
     scene.render.engine = "SCFPF"
     bpy.ops.render.render()
     scene.render.engine, scene.camera.scfpf.enabled = "CYCLES", False

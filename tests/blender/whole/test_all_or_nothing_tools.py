@@ -212,7 +212,7 @@ CASES = {
     "Duplicate Flexible Camera": (middle, OPERATORS.camera_duplicate),
     "Drawn Style": (empty, OPERATORS.drawn_style),
     "Tutorial Scene": (empty, OPERATORS.tutorial_scene),
-    "Use SCFPF for F12": (middle, OPERATORS.engine_use),
+    "Use Flexible Projection for F12": (middle, OPERATORS.engine_use),
     "Pick Projector": (middle, lambda: OPERATORS.pick(camera="Camera")),
     "Find in Picture": (with_cube, OPERATORS.find_in_image),
 }

@@ -286,7 +286,7 @@ def a_layers_frame_is_dragged(driver):
     block("Ball", (0.0, 0.0, 1.0), (2.0, 2.0, 2.0), (0.9, 0.3, 0.1))
     block("House", (4.0, 9.0, 3.0), (5.0, 4.0, 6.0), (0.3, 0.4, 0.7))
     scene, camera = bpy.context.scene, bpy.context.scene.camera
-    camera.matrix_world = ((1, 0, 0, 0), (0, 0, -1, -12), (0, 1, 0, 2), (0, 0, 0, 1))
+    camera.location, camera.rotation_euler = (0.0, -12.0, 2.0), (math.pi / 2, 0.0, 0.0)
     scene.render.resolution_x, scene.render.resolution_y = 1200, 600
     select_only("Ball")
     with driver.override():
@@ -296,35 +296,36 @@ def a_layers_frame_is_dragged(driver):
     with driver.override():
         assert bpy.ops.scfpf.view_live("INVOKE_DEFAULT", True) == {"FINISHED"}
         bpy.ops.view3d.view_center_camera()
-    yield from driver.show_sidebar()
+    # Off the borders, which toolbars cover.
+    camera.scfpf.layers[0].size = 0.6, 0.6
     yield from settled()
     first = yield from picture(driver)
     low, high = (np.array(place_in_frame(driver, share, share)) for share in (0.0, 1.0))
-    yield from drag_mouse(driver, high, low + 0.5 * (high - low), "layer-corner")
+    yield from drag_mouse(driver, low + 0.8 * (high - low), low + 0.5 * (high - low), "layer-corner")
     yield from settled()
     layer = bpy.context.scene.camera.scfpf.layers[0]
-    assert np.allclose(layer.size, 0.5, atol=0.02), f"the layer's size is {tuple(layer.size)}"
-    assert np.allclose(layer.position, 0.25, atol=0.02), "the opposite corner has moved"
+    assert np.allclose(layer.size, 0.3, atol=0.02), f"the layer's size is {tuple(layer.size)}"
+    assert np.allclose(layer.position, 0.35, atol=0.02), "the opposite corner has moved"
     smaller = yield from picture(driver)
     assert np.abs(smaller - first).mean() > MOVED, "the image is as before"
-    middle = low + 0.25 * (high - low)
-    yield from drag_mouse(driver, middle, middle + 0.4 * (high - low), "layer-middle")
+    middle = low + 0.35 * (high - low)
+    yield from drag_mouse(driver, middle, middle + 0.2 * (high - low), "layer-middle")
     yield from settled()
     driver.shot("placed")
     layer = bpy.context.scene.camera.scfpf.layers[0]
-    assert np.allclose(layer.position, 0.65, atol=0.02), f"the layer is at {tuple(layer.position)}"
-    # The middle of the ball, beside the dot.
-    x, y = place_in_frame(driver, 0.68, 0.62)
-    for value in ("PRESS", "RELEASE"):
-        driver.window.event_simulate("LEFTMOUSE", value, x=round(x), y=round(y))
-        yield STEP
+    assert np.allclose(layer.position, 0.55, atol=0.02), f"the layer is at {tuple(layer.position)}"
+    # On the ball, below the dot.
+    x, y = place_in_frame(driver, 0.55, 0.48)
+    for kind, value in (("MOUSEMOVE", "NOTHING"), ("LEFTMOUSE", "PRESS"), ("LEFTMOUSE", "RELEASE")):
+        driver.window.event_simulate(kind, value, x=round(x), y=round(y))
+        yield 2 * STEP
     yield DRAW
     assert bpy.context.object.name == "Ball", f"the click has selected {bpy.context.object.name}"
     for _ in range(2):
         undo(driver)
     yield from settled()
     layer = bpy.context.scene.camera.scfpf.layers[0]
-    assert np.allclose(layer.size, 0.5, atol=0.02) and np.allclose(layer.position, 0.25, atol=0.02)
+    assert np.allclose(layer.size, 0.3, atol=0.02) and np.allclose(layer.position, 0.35, atol=0.02)
 
 
 SCENARIOS = (
