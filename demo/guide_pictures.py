@@ -28,7 +28,7 @@ ENGINE_PANELS = ("camera", "pattern", "passes")
 PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
 OWN_PASSES = ("use_pass_diffuse", "use_pass_specular", "use_pass_parameters")
 # The rows of the camera's panel in which it offers the ways to a picture.
-WAYS_ROWS = (10, 240)
+WAYS_ROWS = (10, 268)
 # Menus, by the names of their images.
 MENUS = {"menu-presets": "SCFPF_MT_presets_group_1", "menu-tools": "SCFPF_MT_surface_specials"}
 # The height of the little planet's camera, and the size of its image in pixels.

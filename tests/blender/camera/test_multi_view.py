@@ -197,7 +197,7 @@ def test_render_button_says_that_it_makes_one_view(stereo_scene, capfd):
     scene = stereo_scene
     make_flexible(scene)
     alike = button()
-    assert "press F12 with SCFPF for all views" in capfd.readouterr().out
+    assert "press F12 with Flexible Projection for all views" in capfd.readouterr().out
     scene.render.use_multiview = False
     assert np.array_equal(button(), alike)
     assert "all views" not in capfd.readouterr().out
