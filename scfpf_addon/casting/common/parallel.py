@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from threading import Thread
-from typing import TypeVar
+from threading import Lock, Thread
+from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
 
@@ -19,6 +19,28 @@ AT_ONCE = 1 << 15
 
 # Fewer chunks than this are done in one thread before others have started.
 WORTH_THREADS = 8
+
+
+class AtFirstUse(Generic[Result]):
+    """A value that is made when a thread first asks for it; other threads wait.
+
+    make: called once, unless it raises an exception, which the caller gets. It must not refer to the object
+    that keeps this one: Embree's memory would wait for the garbage collector.
+    """
+
+    def __init__(self, make: Callable[[], Result]) -> None:
+        self._make: Callable[[], Result] | None = make
+        self._lock = Lock()
+        self._made: Result
+
+    def get(self) -> Result:
+        """Return the value."""
+        if self._make is not None:
+            with self._lock:
+                if self._make is not None:
+                    self._made = self._make()
+                    self._make = None
+        return self._made
 
 
 def thread_count(threads: int = 0) -> int:

@@ -8,7 +8,7 @@ finds candidates there; hits are computed from the float64 triangles.
 
 from __future__ import annotations
 
-from threading import Lock
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.hits import CastError, NothingToCastAt
-from ..common.parallel import chunks, parallel_map
+from ..common.parallel import AtFirstUse, chunks, parallel_map
 from .cast_space import CastSpace
 from .neighbours import edge_neighbours
 
@@ -35,14 +35,6 @@ ORIGIN_OFFSET = 2.0**-18
 # A piece of a large triangle (``graded_triangles``) reaches at most this many times as far from the origin as
 # any of its points, or as the core.
 PIECE_REACH = 4.0
-
-
-class SharedWeights:
-    """The weights of a scene's triangles, once they are made. usable: (T,), those that have weights."""
-
-    def __init__(self, usable: BoolArray) -> None:
-        self.usable, self.lock = usable, Lock()
-        self.table: Array | None = None
 
 
 class CastTriangles:
@@ -78,8 +70,6 @@ class CastTriangles:
                 self.usable = np.all(finite[self.triangles], axis=1)
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
-        self._neighbours: NDArray[np.int32] | None = None
-        self._tables_lock = Lock()
         self._place(vertices, finite, space)
         sizes = self._measure()
         if space is None and self.usable.any():
@@ -87,7 +77,8 @@ class CastTriangles:
             if better:
                 self._place(vertices, finite, better)
                 self._measure()
-        self._weights = SharedWeights(self.usable)
+        self._weights = AtFirstUse(partial(_weights_of, self.vertices, self.triangles, self.usable))
+        self._find_neighbours()
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
 
@@ -117,8 +108,8 @@ class CastTriangles:
 
         def measure(some: slice) -> None:
             """Planes and largest coordinates of a chunk of triangles."""
-            corners = self._corners_of(some)
-            first, along, across = self._edges(corners)
+            corners = _corners_of(self.triangles[some])
+            first, along, across = _edges(self.vertices, corners)
             normal = _cross(along, across)
             area = np.einsum("ct,ct->t", normal, normal)
             longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
@@ -132,16 +123,9 @@ class CastTriangles:
         parallel_map(measure, chunks(len(self.usable)))
         return sizes
 
-    def _corners_of(self, some: slice) -> IndexArray:
-        """The vertices of a chunk of triangles, (3, n), in the layout that NumPy indexes fastest with."""
-        return self.triangles[some].T.astype(np.intp, order="C")
-
-    def _edges(self, corners: IndexArray) -> tuple[Array, Array, Array]:
-        """The first of corners (3, n), and the edges from it to the second and third, (3, n)."""
-        first, along, across = (self.vertices.take(corner, 1, mode="clip") for corner in corners)
-        along -= first
-        across -= first
-        return first, along, across
+    def _find_neighbours(self) -> None:
+        """Let the neighbours be those of the present usable triangles."""
+        self._neighbours = AtFirstUse(partial(_neighbours_of, self.triangles, self.usable))
 
     @property
     def weights(self) -> Array:
@@ -149,27 +133,7 @@ class CastTriangles:
 
         Made at first use, since flat shading needs none. Parts of a scene share them.
         """
-        shared = self._weights
-        if shared.table is None:
-            with shared.lock:
-                if shared.table is None:
-                    shared.table = self._make_weights(shared.usable)
-        return shared.table
-
-    def _make_weights(self, usable: BoolArray) -> Array:
-        """The weights, 0 for triangles that are not usable (T,)."""
-        weights: Array = np.empty((8, len(usable)))
-
-        def weigh(some: slice) -> None:
-            """Gradients and offsets of a chunk of triangles."""
-            first, along, across = self._edges(self._corners_of(some))
-            normal = _cross(along, across)
-            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), usable[some])
-            _fill(weights[:4, some], _cross(across, normal) * inverse, first)
-            _fill(weights[4:, some], _cross(normal, along) * inverse, first)
-
-        parallel_map(weigh, chunks(len(usable)))
-        return weights
+        return self._weights.get()
 
     @property
     def neighbours(self) -> NDArray[np.int32]:
@@ -177,14 +141,7 @@ class CastTriangles:
 
         Only of usable triangles. Made at first use, since straight casting does not need it.
         """
-        with self._tables_lock:
-            if self._neighbours is None:
-                which = np.flatnonzero(self.usable).astype(np.int32)
-                # A miss stays one.
-                numbers = np.append(which, np.int32(-1))
-                self._neighbours = np.full((3, len(self.usable)), -1, np.int32)
-                self._neighbours[:, which] = numbers.take(edge_neighbours(self.triangles[which]))
-            return self._neighbours
+        return self._neighbours.get()
 
     def corners_at(self, which: IndexArray) -> Array:
         """The corners of triangles ``which`` (n,), (3 corners, 3, n)."""
@@ -236,6 +193,45 @@ class CastTriangles:
             np.minimum(offsets, PIECE_REACH * np.maximum(reach, np.float32(self.core)), out=offsets)
         offsets *= np.float32(ORIGIN_OFFSET)
         return offsets
+
+
+def _corners_of(triangles: NDArray[np.int32]) -> IndexArray:
+    """The vertices of triangles (n, 3), (3, n), in the layout that NumPy indexes fastest with."""
+    return triangles.T.astype(np.intp, order="C")
+
+
+def _edges(vertices: Array, corners: IndexArray) -> tuple[Array, Array, Array]:
+    """The first of corners (3, n) among vertices (3, V), and the edges to the second and third, (3, n)."""
+    first, along, across = (vertices.take(corner, 1, mode="clip") for corner in corners)
+    along -= first
+    across -= first
+    return first, along, across
+
+
+def _weights_of(vertices: Array, triangles: NDArray[np.int32], usable: BoolArray) -> Array:
+    """The weights of triangles (T, 3), 0 for those that are not usable (T,)."""
+    weights: Array = np.empty((8, len(usable)))
+
+    def weigh(some: slice) -> None:
+        """Gradients and offsets of a chunk of triangles."""
+        first, along, across = _edges(vertices, _corners_of(triangles[some]))
+        normal = _cross(along, across)
+        inverse = _inverse(np.einsum("ct,ct->t", normal, normal), usable[some])
+        _fill(weights[:4, some], _cross(across, normal) * inverse, first)
+        _fill(weights[4:, some], _cross(normal, along) * inverse, first)
+
+    parallel_map(weigh, chunks(len(usable)))
+    return weights
+
+
+def _neighbours_of(triangles: NDArray[np.int32], usable: BoolArray) -> NDArray[np.int32]:
+    """The neighbours of triangles (T, 3) among those that are usable (T,)."""
+    which = np.flatnonzero(usable).astype(np.int32)
+    # A miss stays one.
+    numbers = np.append(which, np.int32(-1))
+    neighbours = np.full((3, len(usable)), -1, np.int32)
+    neighbours[:, which] = numbers.take(edge_neighbours(triangles[which]))
+    return neighbours
 
 
 def _inverse(area: Array, usable: BoolArray) -> Array:

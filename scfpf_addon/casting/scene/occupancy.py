@@ -6,7 +6,7 @@ Certain, not sampled: a box that meets no marked cell meets no triangle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import reduce
 from itertools import pairwise, product
 
@@ -116,6 +116,24 @@ class Occupancy:
             first = np.clip(least, 0, most, out=least).astype(np.int32)
             last = np.clip(past, 0, most, out=past).astype(np.int32)
         return first, last
+
+
+@dataclass(frozen=True)
+class JoinedOccupancy(Occupancy):
+    """The empty space that the grid of one scene and another one leave."""
+
+    other: Occupancy
+
+    @classmethod
+    def of_both(cls, other: Occupancy, grid: Occupancy) -> JoinedOccupancy:
+        """Join a grid, which is not joined itself, with another one."""
+        return cls(**{field.name: getattr(grid, field.name) for field in fields(Occupancy)}, other=other)
+
+    def holds(self, lower: Array, upper: Array) -> BoolArray:
+        return super().holds(lower, upper) | self.other.holds(lower, upper)
+
+    def holds_finely(self, lower: Array, upper: Array) -> BoolArray:
+        return super().holds_finely(lower, upper) | self.other.holds_finely(lower, upper)
 
 
 def _mark(held: BoolArray, first: IndexArray, size: IndexArray) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -75,4 +76,38 @@ class TracedMesh:
         """Return whether anything lies on each ray, (N,). A negative limit counts as a hit."""
         raise_if_cancelled()
         hit: BoolArray = self._embree.run(origins.T, directions.T, limits, query="OCCLUDED") >= 0
+        return hit
+
+
+class JoinedMesh(TracedMesh):
+    """Several meshes in one cast space. start: the number of the first triangle of each."""
+
+    def __init__(self, meshes: Sequence[TracedMesh], start: Sequence[int]) -> None:
+        self._meshes, self._start = tuple(meshes), tuple(np.int32(number) for number in start)
+
+    def trace(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> NDArray[np.int32]:
+        found = np.full(origins.shape[1], -1, np.int32)
+        for number, (mesh, start) in enumerate(zip(self._meshes, self._start, strict=True)):
+            others = mesh.trace(origins, directions, limits)
+            nearer: BoolArray = others >= 0
+            both = np.flatnonzero(nearer & (found >= 0))
+            if len(both):
+                rays = origins[:, both], directions[:, both], limits[both]
+                before = [each.trace_distance(*rays) for each in self._meshes[:number]]
+                nearer[both] = mesh.trace_distance(*rays) < np.min(before, axis=0)
+            found = np.where(nearer, others + start, found)
+        return found
+
+    def trace_distance(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> Float32Array:
+        distances = [mesh.trace_distance(origins, directions, limits) for mesh in self._meshes]
+        nearest: Float32Array = np.min(distances, axis=0)
+        return nearest
+
+    def occluded(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> BoolArray:
+        hits = [mesh.occluded(origins, directions, limits.copy()) for mesh in self._meshes]
+        hit: BoolArray = np.any(hits, axis=0)
         return hit

@@ -13,12 +13,14 @@ from ...casting.common.geometry import Geometry, Layer
 from ...casting.common.hits import NothingToCastAt
 from ...casting.scene.cast_scene import CastScene
 from ...casting.scene.cast_space import CastSpace
-from ...casting.scene.two_parts import StillPart, TwoPartScene
 from ...projection.typing import Array, BoolArray
 from ..typing import Single
 
 # The layer of ``Geometry.layers`` that holds the meshes' active colour attributes.
 COLOR_LAYER = "COLOR:"
+
+# Cells of the grid of a moving part's empty space: a fine one takes longer than the images that it is for.
+MOVING_CELLS = 1 << 12
 
 
 class LiveTables(NamedTuple):
@@ -96,9 +98,10 @@ class LiveScene:
 
     @classmethod
     def built(cls, geometry: Geometry, space: CastSpace | None = None) -> LiveScene:
-        """Build a geometry. space: the cast space of another scene, None for its own. Raises CastError."""
+        """Build a geometry, as a moving part if it has the cast space of another scene. Raises CastError."""
+        cells = None if space is None else MOVING_CELLS
         try:
-            cast_scene = CastScene(geometry.vertices, geometry.triangles, space=space)
+            cast_scene = CastScene(geometry.vertices, geometry.triangles, space=space, cells=cells)
         except NothingToCastAt:
             return cls(None, None)
         return cls(cast_scene, LiveTables.of(geometry))
@@ -108,21 +111,17 @@ class StillScene:
     """The part of a built scene that stands still. The rest of the scene moves, and is built on its own."""
 
     def __init__(self, whole: LiveScene, kept: BoolArray) -> None:
-        self._whole = whole
-        self._part = None
+        self._tables, self._part = whole.tables, None
         if whole.cast_scene is not None and (whole.cast_scene.usable & kept).any():
-            self._part = StillPart(whole.cast_scene, kept)
+            self._part = whole.cast_scene.keeping(kept)
 
     def with_moving(self, geometry: Geometry | None) -> LiveScene:
         """The scene with another geometry, None for none. Raises CastError."""
-        part, whole = self._part, self._whole
-        if part is None or whole.tables is None:
+        part, tables = self._part, self._tables
+        if part is None or tables is None:
             return LiveScene(None, None) if geometry is None else LiveScene.built(geometry)
-        scene = part.scene
-        moving = LiveScene(None, None)
-        if geometry is not None:
-            moving = LiveScene.built(geometry, scene.space)
-        both = TwoPartScene(part, moving.cast_scene)
-        if moving.tables is None:
-            return LiveScene(both, whole.tables)
-        return LiveScene(both, whole.tables.joined(moving.tables, both.planes))
+        moving = LiveScene(None, None) if geometry is None else LiveScene.built(geometry, part.space)
+        if moving.cast_scene is None or moving.tables is None:
+            return LiveScene(CastScene.joined([part]), tables)
+        both = CastScene.joined([part, moving.cast_scene])
+        return LiveScene(both, tables.joined(moving.tables, both.planes))

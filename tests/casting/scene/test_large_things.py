@@ -10,7 +10,6 @@ from scfpf_addon.casting.continuation import cast_rays
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.graded_triangles import graded
-from scfpf_addon.casting.scene.two_parts import StillPart
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -194,9 +193,7 @@ def test_parts_of_a_scene_are_as_precise(reference):
     kept[len(FACES) + 2 :] = False
     box = np.array([-5.0, -5.0, -5.0]), np.array([5.0, 5.0, 5.0])
     lower, upper = ((side - scene.centre) * scene.scale for side in box)
-    still = CastScene(vertices, triangles)
-    still.mesh = StillPart(still, kept).mesh
-    for part in (scene.only(kept), scene.enclosed(kept, lower, upper), still):
+    for part in (scene.only(kept), scene.enclosed(kept, lower, upper), scene.keeping(kept)):
         assert image_of(reference, vertices, triangles[kept], VOLUMES["straight"], part) == 0
 
 

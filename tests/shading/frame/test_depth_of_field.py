@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.casting.scene import cast_scene
 from scfpf_addon.projection.editing.interpolation import interpolated_projection
 from scfpf_addon.projection.surfaces.surface import Cylinder, Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
@@ -132,8 +132,8 @@ def test_only_the_shutter_times_that_samples_see_are_made_ready(build, monkeypat
     """Prisms of exact casting are built at the first use: none for the frame itself, and none twice."""
     scenes = [build.scene([build.square(0.25, centre=(c / 9, 0.0))]) for c in range(5)]
     view = build.looking_down(1, 0, -1, shifts=[0, 0.2, 0])
-    made, built = CastScene._make_prisms, []
-    monkeypatch.setattr(CastScene, "_make_prisms", lambda self: built.append(self) or made(self))
+    made, built = cast_scene._prisms_of, []
+    monkeypatch.setattr(cast_scene, "_prisms_of", lambda *of: built.append(of[0]) or made(*of))
     settings = FrameSettings(6, 4, samples=8, pixel_error=0.0, adaptive=adaptive)
     moments = tuple(Moment(view, scene) for scene in scenes[1:])
     render_frame(view, scenes[0], settings, moments=moments)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hits of live images against brute force and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from scfpf_addon.casting.common.cancellation import Cancelled
 from scfpf_addon.casting.common.geometry import Geometry, Layer
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import BilinearPatch
-from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
+from scfpf_addon.projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 from scfpf_addon.shading.live.cast_live import LiveProjection, LiveWindow, cast_live, live_image
 from scfpf_addon.shading.live.live_scene import COLOR_LAYER, LiveScene, StillScene
 
@@ -190,6 +192,30 @@ def test_two_parts_are_one_scene(make, seed):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=2e-4)
     only = cast_live(still.with_moving(None), LiveProjection.of(make()), WHOLE)
     assert set(only.look) - {-1} <= set(np.flatnonzero(stays))
+
+
+@pytest.mark.parametrize("moved", ["the layer", "the rest", "some of both"])
+def test_layers_of_a_scene_in_parts(moved):
+    """A layer may have all its things in one part."""
+    geometry, others, layer = soup(80), soup(80, 13), (np.arange(80) // 7) % 2 > 0
+    some = np.arange(80) % 3 == 0
+    moves = {"the layer": layer, "the rest": ~layer, "some of both": some}[moved]
+    scene = StillScene(LiveScene.built(geometry), ~moves).with_moving(part(others, moves))
+    members = np.arange(12, dtype=np.uint8) % 2
+    turned = Projection(ViewingVolume((patch(0.2, 0.1, 0.1, 0.4), patch(40, 20, 20, 0.4))), aspect=2.0)
+    seen = replace(pinhole(), layers=(ImageLayer(turned, "ORDER", np.zeros(3)),))
+    found = cast_live(scene, LiveProjection.of(seen, members), WHOLE)
+    points = np.where(
+        moves[:, None, None], others.vertices.reshape(-1, 3, 3), geometry.vertices.reshape(-1, 3, 3)
+    )
+    own = [replace(geometry, vertices=points.reshape(-1, 3)).part(which) for which in (layer, ~layer)]
+    over, under = (
+        cast_live(LiveScene.built(one), LiveProjection.of(view), WHOLE)
+        for one, view in zip(own, (turned, pinhole()), strict=True)
+    )
+    expected = np.where(over.look >= 0, over.look, under.look)
+    assert len(set(over.look)) > 5 and ((over.look < 0) & (under.look >= 0)).any()
+    assert np.count_nonzero(found.look != expected) <= 2
 
 
 def test_a_moving_part_alone():
