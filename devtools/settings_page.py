@@ -37,6 +37,7 @@ GROUPS = (
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
     ("Aim", tuple(("settings/aim_properties", f"SCFPF_Aim{name}") for name in ("", "Target"))),
     ("Layers", (("settings/layer_properties", "SCFPF_ImageLayer"),)),
+    ("Look Behind", (("settings/hidden_properties", "SCFPF_HiddenThing"),)),
     ("Sampling, Film, Motion Blur", (("settings/sampling", "SCFPF_Sampling"),)),
     ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),
     ("Drawn Style", (("settings/stylised_properties", "SCFPF_Drawn"),)),

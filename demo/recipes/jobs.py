@@ -31,6 +31,26 @@ def _turn_about_cursor() -> None:
     eye.matrix_world = Matrix.Translation(pivot) @ turn @ Matrix.Translation(-pivot) @ eye.matrix_world
 
 
+def _look_behind() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.look_behind())
+    settings = bpy.context.object.scfpf
+    settings.active_hidden = settings.hidden_things.find("Head")
+
+
+def _show_hidden() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.hidden_show(way="VIEW"))
+
+
+def _solve() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.aim_solve())
+
+
 def _from_screen() -> None:
     import bpy
 
@@ -154,6 +174,29 @@ RECIPES = (
         "Only the character turns: every other pixel stays. *Live View* shows it while you turn, and *Size* "
         "in the panel makes it larger. Light and shadow are those of the scene. [Compose](../compose.md) has "
         "more; [Aim](../aim.md) turns things by one bent volume, without borders.",
+    ),
+    Recipe(
+        "behind-a-wall",
+        "A head that looks round a wall",
+        "Find what the shot hides, and show it beside what hides it, in one picture without a cut.",
+        scenes.behind_a_wall,
+        (
+            size(960, 540),
+            select("Select the ordinary camera.", "Camera"),
+            Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
+            Step(
+                "Open the panel *Look Behind* and press *Look Behind*. The list names what the picture "
+                "hides, the largest first: choose *Head*.",
+                _look_behind,
+            ),
+            Step("Press *Add View* below the list.", _show_hidden),
+            Step("Press *Solve* in the panel *Aim*.", _solve),
+            render(),
+        ),
+        "The view stands where the picture first sees past the wall, and its camera where nothing hides the "
+        "head: projectors come round the edge. What is around the head follows it, within the *Halo* of the "
+        "view; the rest stays. *Add Layer* instead shows the head where it is, in front of the wall. What is "
+        "selected is named first, however small it is.",
     ),
     Recipe(
         "big-fist",

@@ -71,6 +71,31 @@ def head():
     return scene
 
 
+def behind_a_wall():
+    """The street with a monkey's head behind a brick wall, before an ordinary camera."""
+    import bpy
+
+    from ..mesh import material
+    from ..render_demo import Shot, place_camera
+
+    scene = build_street()
+    bpy.ops.mesh.primitive_monkey_add(size=1.5, location=(0.4, -4.0, 1.5))
+    monkey = bpy.context.view_layer.objects.active
+    monkey.name = "Head"
+    monkey.modifiers.new("Smooth", "SUBSURF").levels = 1
+    monkey.data.shade_smooth()
+    monkey.data.materials.append(material("Head", (0.80, 0.42, 0.10), 0.45))
+    bpy.ops.mesh.primitive_cube_add(location=(0.2, -7.0, 1.2), scale=(0.95, 0.06, 1.1))
+    wall = bpy.context.view_layer.objects.active
+    wall.name = "Wall"
+    wall.data.materials.append(material("Wall", (0.34, 0.12, 0.08), 0.8))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.data.lens = camera, 35.0
+    place_camera(camera, Shot((-0.6, -13.0, 2.0), (0.4, 0.0, 1.9)))
+    return scene
+
+
 def lone_car():
     """The street's car in the air, with light from above, from the left and from below."""
     import bpy

@@ -41,16 +41,20 @@ def sees(scene: AimScene, hiding: BoolArray, view: ViewMap, points: Array) -> Bo
     return seen
 
 
-def free_turn(scene: AimScene, hiding: BoolArray, view: ViewMap, points: Array) -> tuple[float, float] | None:
+def free_turn(
+    scene: AimScene, hiding: BoolArray, view: ViewMap, points: Array, way: float | None = None
+) -> tuple[float, float] | None:
     """The nearest turn of a view's eye round its thing, to its left and up, that lets it see points (3, N).
 
-    hiding: (T,), triangles that may be in the way. (0, 0) if nothing is; None if no turn helps.
+    hiding: (T,), triangles that may be in the way. way: the only direction of turns, radians from the left
+    upwards; None for all. (0, 0) if nothing is in the way; None if no turn helps.
     """
     if sees(scene, hiding, view, points).mean() >= ENOUGH:
         return 0.0, 0.0
     eye = np.linalg.inv(view.to_eye)
+    ways = np.arange(RING) * (2.0 * np.pi / RING) if way is None else np.array([way])
     for ring in range(1, int(LARGEST / STEP) + 1):
-        for angle in np.arange(RING) * (2.0 * np.pi / RING):
+        for angle in ways:
             left, up = ring * STEP * np.cos(angle), ring * STEP * np.sin(angle)
             turned = replace(view, to_eye=np.linalg.inv(orbit(eye, view.centre, left, up) @ eye))
             if turned.is_visible and sees(scene, hiding, turned, points).mean() >= ENOUGH:

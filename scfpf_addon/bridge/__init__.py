@@ -13,6 +13,7 @@ from .settings import (
     aim_properties,
     blend_properties,
     camera_properties,
+    hidden_properties,
     layer_properties,
     mapping_properties,
     sampling,
@@ -22,6 +23,7 @@ from .settings import (
 # Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
     aim_properties,
+    hidden_properties,
     layer_properties,
     mapping_properties,
     blend_properties,

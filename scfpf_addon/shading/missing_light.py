@@ -268,20 +268,12 @@ def _blockers(
     numbers = np.union1d(places.numbers, near)
     used, triangles = renumbered(geometry.triangles.take(numbers, axis=0), len(geometry.vertices))
     whole = CastScene(geometry.vertices.take(used, axis=0), triangles)
-    blocks = ~_clear(scene).take(geometry.material.take(numbers))
+    blocks = ~scene.materials.is_clear.take(geometry.material.take(numbers))
     rays = geometry.visibility
     if rays is not None:
         casting = visible_to(rays.take(numbers), SHADOW)
         blocks = blocks if casting is None else blocks & casting
     return whole, whole.only(blocks), numbers
-
-
-def _clear(scene: Scene) -> BoolArray:
-    """Return whether each material (M,) lets light through."""
-    found: BoolArray = np.zeros(len(scene.materials.metallic), bool)
-    for number, graph in scene.materials.graphs.items():
-        found[number] = graph.lets_through or graph.refracts
-    return found
 
 
 def _near(geometry: Geometry, middles: Array, reach: float) -> IndexArray:

@@ -4,20 +4,25 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...aim.sight import free_turn
 from ...aim.view_map import LocalEye, local_eye, orbit
+from ...aim.views import seen_of
 from ...projection.typing import Array
 from ...projection.user_error import UserError
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import AIM_TARGETS, remove_slot
+from ..render.image_size import image_aspect
 from ..settings.aim_properties import LINE, PIN, STAY, VIEW
-from .target_views import target_objects, thing_box
+from .read_problem import read_arrays
+from .target_views import target_objects, thing_box, view_map
 
 # A new eye's lens shows this much more than the thing.
 EYE_MARGIN = 1.15
@@ -41,13 +46,11 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
         objects = target_objects(target)
         if not objects or camera in objects:
             raise UserError("'{0}' has no faces to show: choose objects that renders show", target.name)
-        low, high = thing_box(objects, depsgraph)
-        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-        x, y, seen = _seen_now(camera, projection, centre)
-        target.position = x, y
-        target.width = 2.0 * radius / seen.image_width
-        target.halo = HALO * radius
-        target.eye = eye or _new_eye(camera, target.name, seen, centre, radius)
+        shown = shown_thing(camera, projection, objects, depsgraph)
+        target.position = shown.position
+        target.width = 2.0 * shown.radius / shown.seen.image_width
+        target.halo = HALO * shown.radius
+        target.eye = eye or framing_eye(camera, f"{target.name} View", shown)
     except UserError:
         remove_target(camera, len(camera.scfpf.aim_targets) - 1)
         raise
@@ -63,6 +66,26 @@ def _new_target(camera, kind: str, name: str):
     target.kind, target.name = kind, next(free for free in names if free not in taken)
     settings.active_aim = len(settings.aim_targets) - 1
     return target
+
+
+class ShownThing(NamedTuple):
+    """A thing as an image has it. position: (x, y) of its middle. seen: the straight camera that sees it so.
+
+    centre: (3,), radius: of the sphere around it, in world space.
+    """
+
+    position: tuple[float, float]
+    seen: LocalEye
+    centre: Array
+    radius: float
+
+
+def shown_thing(camera, projection: Projection, objects: list, depsgraph) -> ShownThing:
+    """Look up where and how the image of a camera has objects, hidden or not. Raises UserError."""
+    low, high = thing_box(objects, depsgraph)
+    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    x, y, seen = _seen_now(camera, projection, centre)
+    return ShownThing((x, y), seen, centre, radius)
 
 
 def _seen_now(camera, projection: Projection, point: Array) -> tuple[float, float, LocalEye]:
@@ -86,25 +109,56 @@ def _looking_at(place: Vector, point: Vector) -> LocalEye:
     return LocalEye(np.array(matrix, np.float64), False, 2.0 * way.length)
 
 
-def _new_eye(camera, name: str, seen: LocalEye, centre: Array, radius: float):
-    """A camera with the matrix of a local eye, whose lens frames a sphere."""
-    data = bpy.data.cameras.new(f"{name} View")
+def framing_eye(camera, name: str, shown: ShownThing, widen: float = 1.0):
+    """A camera that sees a thing as the image does, whose lens frames the sphere around it.
+
+    widen: factor of the frame's width.
+    """
+    seen, centre, radius = shown.seen, shown.centre, shown.radius
+    data = bpy.data.cameras.new(name)
     eye = bpy.data.objects.new(data.name, data)
     eye.matrix_world = Matrix(seen.matrix.tolist())
     link_beside(eye, camera)
     own = np.linalg.inv(seen.matrix) @ np.array([*centre, 1.0])
     reach = float(np.linalg.norm(own[:3]))
+    data.sensor_fit = "HORIZONTAL"
     if seen.is_parallel:
-        data.type, data.ortho_scale = "ORTHO", 2.0 * radius * EYE_MARGIN
+        data.type, data.ortho_scale = "ORTHO", 2.0 * radius * EYE_MARGIN * widen
         data.shift_x, data.shift_y = own[:2] / data.ortho_scale
     else:
-        half = min(radius * EYE_MARGIN / max(-own[2], 1e-6), math.tan(WIDEST_EYE / 2))
+        half = min(radius * EYE_MARGIN * widen / max(-own[2], 1e-6), math.tan(WIDEST_EYE / 2))
         data.angle = 2.0 * math.atan(half)
         data.shift_x, data.shift_y = own[:2] / max(-own[2], 1e-6) / (2.0 * half)
     data.display_size = max(reach * DRAWN_SIZE, 1e-3)
     data.clip_start = max(reach * 1e-3, 1e-6)
     data.clip_end = max(2.0 * (reach + radius), 10.0 * data.clip_start)
     return eye
+
+
+def share_of_image(eye, shown: ShownThing) -> float:
+    """The width of the frame of a ``framing_eye``, in widths of the image, in the plane of the thing."""
+    depth = -float((np.linalg.inv(shown.seen.matrix) @ np.array([*shown.centre, 1.0]))[2])
+    lens = eye.data
+    width = lens.ortho_scale if lens.type == "ORTHO" else 2.0 * math.tan(lens.angle / 2.0) * depth
+    return float(width) / shown.seen.image_width
+
+
+def turn_to_free(target, depsgraph, way: float | None) -> bool:
+    """Turn the eye of a view round its thing to the nearest direction in which nothing hides the thing.
+
+    way: the direction of turns that comes first, radians from the left upwards; None for none. Returns
+    whether there is one; the eye stays otherwise. Raises UserError, CastError.
+    """
+    arrays = read_arrays(depsgraph)
+    shown = view_map(target, depsgraph, image_aspect(depsgraph.scene))
+    own = arrays.triangles_of(target_objects(target))
+    points = seen_of(arrays.scene, own, shown).points
+    turn = None if way is None else free_turn(arrays.scene, ~own, shown, points, way)
+    turn = turn or free_turn(arrays.scene, ~own, shown, points)
+    if turn is None:
+        return False
+    turn_eye(target, depsgraph, *turn)
+    return True
 
 
 def add_pin(

@@ -9,6 +9,8 @@ import numpy as np
 from ...projection.diagrams.line_colors import LAYERS
 from ...shading.typing import Single
 from ..blender.scene_objects import link_beside
+from ..blender.slot_animation import LAYERS as LAYER_SLOTS
+from ..blender.slot_animation import move_slot
 
 IMAGE_NAME = "Layers of {}"
 
@@ -43,6 +45,19 @@ def _new_eye(camera, name: str):
     eye.matrix_world = camera.matrix_world
     link_beside(eye, camera)
     return eye
+
+
+def add_layer_in_front(camera, collection, eye, position: tuple[float, float], size: float):
+    """Add a layer whose collection is seen in front of everything else, by a camera of the image's shape.
+
+    position: of its middle, shares of the image. size: its width and height as shares of the image's. Returns
+    the layer. Raises UserError.
+    """
+    add_layer(camera, collection, 1.0, eye)
+    move_slot(camera.scfpf, len(camera.scfpf.layers) - 1, 0, LAYER_SLOTS)
+    layer = camera.scfpf.layers[0]
+    layer.front, layer.position, layer.size = "ORDER", position, (size, size)
+    return layer
 
 
 def color_layers(layers) -> None:

@@ -24,6 +24,7 @@ from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .aim_properties import SCFPF_Aim, SCFPF_AimTarget
 from .blend_properties import SCFPF_BlendMap
+from .hidden_properties import SCFPF_HiddenThing
 from .layer_properties import SCFPF_ImageLayer
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import (
@@ -415,6 +416,14 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         bpy.types.Image,
         options=set(),
     )
+    hidden_things: CollectionProperty(
+        name="Hidden Things",
+        description="What Look Behind has found the picture to hide",
+        type=SCFPF_HiddenThing,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_hidden: list_index("Active Hidden Thing", "The hidden thing that is selected in the list")
+    hidden_message: text("Hidden", "What Look Behind has found last", **STATIC)
     pixel_error: number(
         "Pixel Error",
         "Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "

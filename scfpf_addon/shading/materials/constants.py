@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ..nodes.graph import MaterialGraph
 
 
@@ -40,6 +40,14 @@ class Materials:
     def of_rows(cls, rows: Mapping[str, Any]) -> Materials:
         """Materials of all constants, by name."""
         return cls(**rows)
+
+    @property
+    def is_clear(self) -> BoolArray:
+        """Return whether each material (M,) may let light through."""
+        found: BoolArray = np.zeros(len(self.metallic), bool)
+        for number, graph in self.graphs.items():
+            found[number] = graph.lets_through or graph.refracts
+        return found
 
     def followed_by(self, others: Materials) -> Materials:
         """Join constants, with others, which are all given, after these."""

@@ -167,6 +167,7 @@ JOBS = {
     "SCFPF_OT_layer_drag": ("operators.layers.layer_drag", [MOUSE, TIMER], ""),
     "SCFPF_OT_aim_solve": ("operators.aim.solve", [TIMER], "Solve canceled: the volume is as before"),
     "SCFPF_OT_layers_render": ("operators.layers.layer_render", [TIMER], CANCELED),
+    "SCFPF_OT_look_behind": ("operators.layers.look_behind", [], "Look Behind canceled"),
     "SCFPF_OT_joined_render": ("operators.layers.layer_render", [TIMER], CANCELED),
 }
 # It leaves nothing: it only waits for what becomes of a press.

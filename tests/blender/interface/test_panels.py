@@ -104,6 +104,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden |= {"iso_surfaces", "iso_t"}
     hidden |= {"blend_more", "active_blend"}
     hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer", "layer_image"}
+    hidden |= {"hidden_things", "active_hidden", "hidden_message"}
     # An operator switches it, which also looks through the camera.
     hidden |= {"show_live"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden

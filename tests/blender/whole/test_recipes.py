@@ -67,6 +67,21 @@ def color_of(camera):
     return np.array(image.pixels[:]).reshape(height, width, 4)[..., :3]
 
 
+def test_the_head_looks_round_the_wall():
+    """The shot sees nothing of it, and the picture nearly all; half of the rest stays within two pixels."""
+    camera = performed("behind-a-wall")
+    (target,) = camera.scfpf.aim_targets
+    assert target.object.name == "Head" and target.whole_95 < 2.0
+    assert 0.0 <= camera.scfpf.aim.background_median < 2.0
+    row = next(row for row in camera.scfpf.hidden_things if row.name == "Head")
+    assert row.hidden > 0.99 and row.hider == "Wall"
+    bpy.data.objects["Head"].select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.look_behind() == {"FINISHED"}
+    after = {row.name: row.hidden for row in camera.scfpf.hidden_things}
+    assert after.get("Head", 0.0) < 0.2
+
+
 def test_a_character_turns_and_the_background_stays():
     """The picture is the shot's but for the head, which is as an ordinary camera sees it from its best side.
 
