@@ -20,6 +20,7 @@ MOST_OVERSCAN, MOST_HALF_TANGENT = 8.0, 16.0
 ROUNDING = 1e-6
 # A round frame's half width is a multiple of this, so that its control points are float32 numbers.
 ROUND_STEP = 1 / 64
+SEES_NOTHING = "The lens sees nothing: check its numbers and the size of its picture"
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,12 @@ def framed(lens: CalibratedLens, overscan: float = 0.0) -> tuple[CalibratedLens,
     x, y = (axis.ravel() for axis in np.meshgrid(line * width, line * height))
     (a, b), found = lens.directions(x, y)
     if not found.any():
-        raise UserError("The lens sees nothing: check its numbers and the size of its picture")
+        raise UserError(SEES_NOTHING)
     a, b = a[found], b[found]
     if lens.is_round:
         reach = min(float(np.abs([a, b]).max()), MOST_HALF_TANGENT)
         half = float(np.ceil(reach / ROUND_STEP)) * ROUND_STEP
-        return replace(lens, frame=(0.0, 0.0, 2 * half, 2 * half)), 1.0
+        return _with_frame(lens, (0.0, 0.0, 2 * half, 2 * half)), 1.0
     fx, _skew, _shear, fy = lens.matrix
     cx, cy = lens.centre
     if overscan <= 0:
@@ -62,9 +63,17 @@ def framed(lens: CalibratedLens, overscan: float = 0.0) -> tuple[CalibratedLens,
         pixels = np.ceil(max(across, down) * width / 2 - ROUNDING) * 2
         overscan = min(float(pixels / width), MOST_OVERSCAN)
     frame = (width / 2 - cx) / fx, (cy - height / 2) / fy, overscan * width / fx, overscan * height / fy
-    # Blender keeps float32 numbers: the frame is what they say.
-    rounded = tuple(float(np.float32(number)) for number in frame)
-    return replace(lens, frame=(rounded[0], rounded[1], rounded[2], rounded[3])), overscan
+    return _with_frame(lens, frame), overscan
+
+
+def _with_frame(lens: CalibratedLens, frame: tuple[float, ...]) -> CalibratedLens:
+    """The lens with another frame, in float32 as Blender keeps it. Raises UserError for a frame without size."""
+    with np.errstate(over="ignore"):
+        x, y, width, height = (float(np.float32(number)) for number in frame)
+    # Extreme numbers leave a single point that is seen, or place it beyond float32.
+    if not (min(width, height) > 0 and np.isfinite([x, y, width, height]).all()):
+        raise UserError(SEES_NOTHING)
+    return replace(lens, frame=(x, y, width, height))
 
 
 def round_net(lens: CalibratedLens, distance: float) -> Array:

@@ -317,3 +317,44 @@ def test_no_bytes_raise_anything_but_user_errors(tmp_path):
                 framed(lens)
             except UserError:
                 continue
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_extreme_numbers_make_a_finite_frame_or_are_refused():
+    """Numbers of any size, as a property of Blender may hold them, raise nothing but UserError."""
+    random = np.random.default_rng(12013)
+    large = float(np.finfo(np.float32).max)
+
+    def some(count):
+        kinds = np.array([0.0, 1e-30, -1e-6, 1e-3, large, -large])
+        return np.where(random.random(count) < 0.4, random.choice(kinds, count), random.uniform(-3, 3, count))
+
+    makes = [
+        lambda size, fx, fy, c: opencv_lens([[fx, some(1)[0], c], [0, fy, c], [0, 0, 1]], some(14), size),
+        lambda size, fx, fy, c: fisheye_lens([[fx, some(1)[0], c], [0, fy, c], [0, 0, 1]], some(4), size),
+        lambda size, fx, fy, c: omnidirectional_lens([fx, *some(4)], (c, c), some(3), size),
+        *(
+            lambda size, _fx, _fy, _c, model=model, count=len(names): colmap_lens(
+                model, np.abs(some(count)), size
+            )
+            for model, names in COLMAP_MODELS.items()
+        ),
+    ]
+    framed_ones = 0
+    for make in makes:
+        for _ in range(40):
+            size = tuple(np.float64(random.choice([1, 2, 9, 640, 65536], 2)))
+            fx, fy = np.abs(some(2)) + 1e-3
+            try:
+                lens, overscan = framed(make(size, fx, fy, some(1)[0]), random.choice([0.0, 1.5]))
+            except UserError:
+                continue
+            assert np.isfinite([*lens.frame, overscan]).all() and min(*lens.frame[2:], overscan) > 0
+            framed_ones += 1
+    assert framed_ones > 40
+
+
+def test_a_lens_that_sees_a_single_point_is_refused():
+    matrix = [[7.1, 0.0, 4.0], [0.0, 2.5, 0.5], [0.0, 0.0, 1.0]]
+    with pytest.raises(UserError, match="sees nothing"):
+        framed(fisheye_lens(matrix, (-0.4, -3.4e38, -2.3, -2.4), (9.0, 2.0)))
