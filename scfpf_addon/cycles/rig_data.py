@@ -18,7 +18,7 @@ from ..bridge.blender.all_or_nothing import PLACE, Kept, all_or_nothing, put_bac
 from ..bridge.blender.drivers import follow_property, new_driver
 from ..bridge.blender.modifier_inputs import input_identifiers, renew_relations, set_inputs
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, MARK_KEY, RIG_KEY, add_mark
-from ..bridge.blender.scene_objects import holds
+from ..bridge.blender.scene_objects import holds, is_in_event
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
@@ -30,6 +30,7 @@ from ..scanline.generated_collection import (
     is_complete,
     linked_text,
     remove_generated,
+    remove_replaced_groups,
     remove_unused_groups,
 )
 from ..scanline.nodes.geometry_nodes import is_current
@@ -68,6 +69,10 @@ BOUNCES = "transparent_max_bounces", "min_transparent_bounces"
 WRITTEN_INPUTS = ("Straight", "Chords", "Skip", "Probe", "Passes", "Along Axis")
 # Those that place the screen.
 SCREEN_INPUTS = ("Width", "Distance", "Away", "Parallel")
+# The rigs to which handlers have given a node group, by session id, and the inputs of those whose group is
+# released for undo or redo.
+_given: set[int] = set()
+_kept_inputs: dict[int, dict[str, object]] = {}
 NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
@@ -326,10 +331,12 @@ def update_nodes(rig) -> None:
     group = before if is_current(before) else portal_nodes.portal_group()
     if before != group:
         modifier.node_group = group
+        if is_in_event():
+            _given.add(rig.session_uid)
+        set_inputs(modifier, _kept_inputs.pop(rig.session_uid, {}))
         follow_image_size(modifier, ("Aspect",), settings.scene)
         lens_nodes.follow_lens(modifier, settings.camera, settings.view_camera.data)
-        if before is not None:
-            remove_unused_groups([before])
+        remove_replaced_groups([before])
     focus = settings.camera.data.dof.focus_object
     values = {"Table": settings.table, "Focus Object": focus, "Has Focus Object": focus is not None}
     values |= _screen_inputs(screen_of(settings.view_camera)) | {"Passes": settings.passes}
@@ -411,12 +418,24 @@ def release_pointers(rig) -> int:
             taken = table.session_uid
             del camera[table_key(settings)]
             settings.table = None
-    modifier = None if settings.portals is None else settings.portals.modifiers.get(MODIFIER)
+    modifier = _modifier(settings)
     if modifier is not None and modifier.node_group is not None:
         for item in modifier.node_group.interface.items_tree:
             if getattr(item, "socket_type", "") == "NodeSocketObject" and item.in_out == "INPUT":
                 versions.set_modifier_input(modifier, item.identifier, None)
+        if rig.session_uid in _given:
+            # A modifier without a group loses its inputs.
+            places = input_identifiers(modifier.node_group)
+            _kept_inputs[rig.session_uid] = {
+                name: versions.modifier_input(modifier, places[name]) for name in WRITTEN_INPUTS
+            }
+            modifier.node_group = None
     return taken
+
+
+def _modifier(settings):
+    """The modifier that places a rig's sheets, or None."""
+    return None if settings.portals is None else settings.portals.modifiers.get(MODIFIER)
 
 
 def restore_pointers(rig, table: int) -> None:
@@ -425,7 +444,9 @@ def restore_pointers(rig, table: int) -> None:
     A rig that undo has brought back has its table; its camera may have lost the pointer to it.
     """
     settings = rig.scfpf_rig
-    camera = settings.camera
+    camera, modifier = settings.camera, _modifier(settings)
+    if modifier is None or modifier.node_group is not None:
+        _kept_inputs.pop(rig.session_uid, None)  # undo has brought back others
     if camera is None or not camera.is_editable:
         return
     if settings.table is None:

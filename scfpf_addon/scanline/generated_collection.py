@@ -12,7 +12,7 @@ import bpy
 
 from ..bridge.blender.drivers import add_property, new_driver
 from ..bridge.blender.modifier_inputs import input_property
-from ..bridge.blender.scene_objects import absent_text, holds
+from ..bridge.blender.scene_objects import absent_text, holds, may_remove_groups
 from ..projection.user_error import Message
 
 _SIZE = {
@@ -107,6 +107,15 @@ def remove_parts(collection, parts: list, others: Iterable = ()) -> None:
     if collection is not None:
         bpy.data.collections.remove(collection)
     remove_unused_groups(groups)
+
+
+def remove_replaced_groups(groups: Iterable) -> None:
+    """Remove node groups, None among them, that modifiers had before others, and those that only they used.
+
+    They stay in a file with several scenes; see ``scene_objects.may_remove_groups``.
+    """
+    if may_remove_groups():
+        remove_unused_groups([group for group in groups if group is not None])
 
 
 def remove_unused_groups(groups: Iterable) -> None:

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ...projection.user_error import Message
-from ..blender.scene_objects import object_by_uid
+from ..blender.scene_objects import has_removed, object_by_uid
 from ..blender.user_errors import USER_ERRORS, translated_report
 from ..camera.flexible_camera import control_objects
 from ..sync.camera_sync import camera_objects
@@ -160,6 +160,8 @@ def scene_updated(_scene, depsgraph) -> None:
             own.follower = None
             if own.solve is not None:
                 own.await_rest()
+    if has_removed():
+        return  # a follower reads the scene's instances; the removal brings another update
     for camera in live:
         if camera.name in depsgraph.scene.objects:
             follow(camera, depsgraph)

@@ -42,8 +42,8 @@ def originals(evaluated: Iterable) -> list:
     return found
 
 
-# The number of objects as the present event began, 0 outside of events.
-_count = 0
+# The number of objects as the present event began, None outside of events.
+_count: int | None = None
 
 
 @contextmanager
@@ -57,12 +57,17 @@ def event() -> Iterator[None]:
         _count = before
 
 
+def is_in_event() -> bool:
+    """Return whether handlers are responding to an event: what they assign, no undo step holds."""
+    return _count is not None
+
+
 def has_removed() -> bool:
     """Return whether handlers have removed objects during the present event.
 
     An evaluated depsgraph still has them: to read its instances would follow pointers into freed memory.
     """
-    return len(bpy.data.objects) < _count
+    return _count is not None and len(bpy.data.objects) < _count
 
 
 def delete_with_data(obj) -> None:
@@ -73,14 +78,13 @@ def delete_with_data(obj) -> None:
         bpy.data.batch_remove([data])
 
 
-def remove_group(group) -> None:
-    """Remove a node group that nothing uses.
+def may_remove_groups() -> bool:
+    """Return whether node groups may be removed whose modifiers have got others.
 
-    In a file with several scenes it stays until the file is saved: the depsgraph of a scene that no window
-    shows goes on to evaluate it, and Blender would crash.
+    In a file with several scenes they stay until the file is saved: the depsgraph of a scene that no window
+    shows goes on to evaluate them, and Blender would crash.
     """
-    if len(bpy.data.scenes) == 1:
-        bpy.data.node_groups.remove(group)
+    return len(bpy.data.scenes) == 1
 
 
 def holds(objects, obj) -> bool:

@@ -8,7 +8,7 @@ import bpy
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ..blender import versions
 from ..blender.node_builder import NodeBuilder
-from ..blender.scene_objects import delete_with_data, editable_collections, holds, remove_group
+from ..blender.scene_objects import delete_with_data, editable_collections, holds, may_remove_groups
 from .camera_members import grids_of
 
 
@@ -58,8 +58,8 @@ def delete_volume_object(volume) -> None:
     modifier = _node_modifier(volume)
     group = None if modifier is None else modifier.node_group
     delete_with_data(volume)
-    if group is not None and group.users == 0 and group.is_editable:
-        remove_group(group)
+    if group is not None and group.users == 0 and group.is_editable and may_remove_groups():
+        bpy.data.node_groups.remove(group)
 
 
 def sync_volume_object(camera):
@@ -103,8 +103,8 @@ def _set_members(modifier, objects: list) -> None:
     if before == group and objects == _evaluated_members(modifier):
         return
     modifier.node_group = group
-    if before is not None and before.users == 0:
-        remove_group(before)
+    if before is not None and before.users == 0 and may_remove_groups():
+        bpy.data.node_groups.remove(before)
     for identifier, obj in zip(_object_inputs(group), objects, strict=True):
         versions.set_modifier_input(modifier, identifier, obj)
     # Setting an input in 4.5 leaves the depsgraph's relations as they were; assigning the group builds them.

@@ -67,7 +67,7 @@ def framed(lens: CalibratedLens, overscan: float = 0.0) -> tuple[CalibratedLens,
 
 
 def _with_frame(lens: CalibratedLens, frame: tuple[float, ...]) -> CalibratedLens:
-    """The lens with another frame, in float32 as Blender keeps it. Raises UserError for a frame without size."""
+    """The lens with another frame, in float32 as Blender keeps it. Raises UserError for one without size."""
     with np.errstate(over="ignore"):
         x, y, width, height = (float(np.float32(number)) for number in frame)
     # Extreme numbers leave a single point that is seen, or place it beyond float32.

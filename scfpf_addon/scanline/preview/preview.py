@@ -18,6 +18,7 @@ from ...bridge.blender import versions
 from ...bridge.blender.all_or_nothing import all_or_nothing, at_end
 from ...bridge.blender.draw_handler import DrawHandler
 from ...bridge.blender.mesh_grid import uv_layer
+from ...bridge.blender.scene_objects import has_removed
 from ...bridge.scene.read_materials import volume_only_materials
 from ...bridge.sync.camera_sync import sync as sync_volumes
 from ...projection.user_error import UserError
@@ -260,9 +261,14 @@ def _has_other_surfaces(state: _State, depsgraph) -> bool:
     return updated and state.volume_only != volume_only_materials()
 
 
+def _may_read(depsgraph) -> bool:
+    """Return whether a depsgraph's geometry can be read: there is one, and it has no removed objects."""
+    return depsgraph is not None and not has_removed()
+
+
 def _has_grown(state: _State, depsgraph) -> bool:
     """Return whether a shown object has become so heavy that it may need a picture object of its own."""
-    for update in depsgraph.updates if depsgraph is not None else ():
+    for update in depsgraph.updates if _may_read(depsgraph) else ():
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
             # By name: `.original` of an object that is not shown may be freed memory after an undo (5.2).
             before = state.faces.get(state.ids.get(update.id.name))
@@ -275,6 +281,8 @@ def _follow_members(source, view_layer, depsgraph) -> None:
     state = _state(source)
     state.objects, state.volume_only = visibility_signature(view_layer), volume_only_materials()
     wanted = shown_objects(view_layer)
+    if not _may_read(depsgraph):
+        depsgraph = None
     before = state.faces if depsgraph is None else {}
     state.faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}
     state.ids = {member.name: key for key, member in wanted.items()}

@@ -24,7 +24,7 @@ from ..generated_collection import (
     new_orthographic_camera,
     remove_generated,
     remove_parts,
-    remove_unused_groups,
+    remove_replaced_groups,
 )
 from ..remap import remap_nodes
 from ..remap.remap_nodes import DRAFT
@@ -176,7 +176,7 @@ def update_pictures(source) -> None:
     _keep_size(settings.table)
     group = remap_nodes.preview_group()
     before += [_set_modifier(source, part, group) for part in settings.parts]
-    remove_unused_groups([old for old in before if old is not None])
+    remove_replaced_groups(before)
 
 
 def _set_modifier(source, part, group):

@@ -54,6 +54,19 @@ def _select_surface(camera):
     _select(camera.scfpf.surfaces[0].object)
 
 
+def _groupless_rig(camera):
+    """A rig without its node group, which returns only when the camera has all its surfaces again."""
+    camera["removed"] = camera.scfpf.surfaces[0].object
+    camera.scfpf.surfaces[0].object = None
+    for rig in bpy.data.collections:
+        if rig.scfpf_rig.is_rig:
+            bpy.data.node_groups.remove(rig.scfpf_rig.portals.modifiers[0].node_group)
+
+
+def _surface_again(camera):
+    camera.scfpf.surfaces[0].object = camera["removed"]
+
+
 # The modifier of a table.
 TABLE = "SCFPF Table"
 
@@ -74,6 +87,7 @@ EDITS = {
     "a surface less": (_select_surface, "object.delete"),
     "the camera's copy": (_select, "object.duplicate"),
     "no camera": (_select, "object.delete"),
+    "the rig's node group again": (_groupless_rig, _surface_again),
 }
 
 
@@ -103,6 +117,17 @@ class SCFPF_OT_test_edit(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _is_placed(rig):
+    """Return whether the sheets of a rig are placed for its number of chords, if it has its node group."""
+    modifier = rig.portals.modifiers[0]
+    package = "bl_ext.checkout.scfpf.scfpf_addon.bridge.blender"
+    if modifier.node_group is None:
+        return True
+    place = importlib.import_module(f"{package}.modifier_inputs").input_identifiers(modifier.node_group)
+    chords = importlib.import_module(f"{package}.versions").modifier_input(modifier, place["Chords"])
+    return chords == rig.chords
+
+
 def _facts(name: str):
     """Names of objects that handlers make for cameras: tables, members of previews and parts of rigs."""
     camera = bpy.data.objects.get(name)
@@ -118,8 +143,10 @@ def _facts(name: str):
         for part in source.scfpf_preview.parts
         for obj in part.members.objects
     )
-    rigs = sorted(c.name for c in bpy.data.collections if c.scfpf_rig.is_rig)
+    rigs = sorted((c.name, _is_placed(c.scfpf_rig)) for c in bpy.data.collections if c.scfpf_rig.is_rig)
     listed = None if camera is None else [s.object and s.object.name for s in camera.scfpf.surfaces]
+    if listed and None in listed:
+        tables = {}  # handlers make none again before the camera has all its surfaces
     return tables, members, rigs, listed
 
 

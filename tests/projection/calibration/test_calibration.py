@@ -334,10 +334,10 @@ def test_extreme_numbers_make_a_finite_frame_or_are_refused():
         lambda size, fx, fy, c: fisheye_lens([[fx, some(1)[0], c], [0, fy, c], [0, 0, 1]], some(4), size),
         lambda size, fx, fy, c: omnidirectional_lens([fx, *some(4)], (c, c), some(3), size),
         *(
-            lambda size, _fx, _fy, _c, model=model, count=len(names): colmap_lens(
-                model, np.abs(some(count)), size
+            lambda size, _fx, _fy, _c, model=model: colmap_lens(
+                model, np.abs(some(len(COLMAP_MODELS[model]))), size
             )
-            for model, names in COLMAP_MODELS.items()
+            for model in COLMAP_MODELS
         ),
     ]
     framed_ones = 0
