@@ -189,7 +189,8 @@ class LiveObjects:
     ) -> tuple[MeshArrays, int, int]:
         """The mesh that rays meet of an object with a number, the first and the number of its looks."""
         slots = max(len(instance.obj.material_slots), 1)
-        mesh = self._mesh(instance, address, fresh).part(unmet_slots(instance.obj), slots)
+        hidden = unmet_slots(instance.obj, self._volume_only)
+        mesh = self._mesh(instance, address, fresh).part(hidden, slots)
         return mesh, self.table.first_look(number, slots), slots
 
     def _mesh(self, instance: Instance, address: int, fresh: dict[int, _KnownMesh]) -> _KnownMesh:

@@ -24,8 +24,8 @@ from .live_objects import Attributes, LiveObjects, LookTable
 from .read_lights import MatcapCache, read_studio_light
 from .read_surfaces import (
     PLAIN_ROUGHNESS,
-    MaterialValues,
-    read_material_values,
+    MaterialLook,
+    read_material_looks,
     read_object_values,
 )
 
@@ -82,8 +82,8 @@ class LookReader:
         self._images = ImageCache()
         self._matcaps = MatcapCache()
         self._numbers: tuple[tuple, Numbers] | None = None
-        # By the kind of colour: viewports that share the scene may show materials in different ways.
-        self._materials: dict[str, tuple[Numbers, MaterialValues]] = {}
+        # By session_uid, for each kind of colour: viewports may show materials in different ways.
+        self._materials: dict[str, dict[int, MaterialLook]] = {}
         self.is_complete = True
 
     def mark_edited(self, depsgraph=None) -> None:
@@ -180,19 +180,20 @@ class LookReader:
         return _looks(color, np.zeros(count, np.float32), plain), None, 0
 
     def _by_material(self, numbers: Numbers, kind: str, depsgraph):
-        """The surfaces by their materials; see ``read_material_values`` for the kinds."""
-        kept = self._materials.get(kind)
-        if kept is None or kept[0] is not numbers:
-            kept = self._materials[kind] = numbers, read_material_values(numbers.materials, kind)
-        materials = kept[1]
-        values = materials.values[numbers.material_of_look]
+        """The surfaces by their materials; see ``read_material_looks`` for the kinds."""
+        uids, known = numbers.materials.tolist(), self._materials.setdefault(kind, {})
+        if unknown := set(uids) - known.keys():
+            known |= read_material_looks(unknown, kind)
+        materials = [known[uid] for uid in uids]
+        values = np.nan_to_num(np.array([one.values for one in materials], np.float32).reshape(-1, 6))
+        values = values[numbers.material_of_look]
         made = _looks(values[:, :4], values[:, 4], values[:, 5])
-        uses: tuple[ImageUse, ...] = tuple(one for one in materials.images if one is not None)
+        uses: tuple[ImageUse, ...] = tuple(one.image for one in materials if one.image is not None)
         if not uses:
             return made, None, 0
         textures, rows, waiting = self._images.textures(uses, bpy.data.images)
         given = iter(rows)
-        of_material = np.array([-1 if one is None else next(given) for one in materials.images])
+        of_material = np.array([-1 if one.image is None else next(given) for one in materials])
         has_uv = read_object_values(numbers.objects, depsgraph, False).has_uv
         image = np.where(has_uv[numbers.object_of_look], of_material[numbers.material_of_look], -1)
         return replace(made, image=image), textures, waiting

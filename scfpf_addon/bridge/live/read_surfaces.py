@@ -24,11 +24,11 @@ GLOWING_ROUGHNESS = 0.5
 COLOR_INPUTS = ("Base Color", "Color")
 
 
-class MaterialValues(NamedTuple):
-    """The viewport display of M materials: (M, 6) linear colour, alpha, metallic, roughness; and images."""
+class MaterialLook(NamedTuple):
+    """The viewport display of a material: linear colour, alpha, metallic, roughness; and its image."""
 
-    values: np.ndarray
-    images: tuple[ImageUse | None, ...]
+    values: tuple[float, ...]
+    image: ImageUse | None
 
 
 class ObjectValues(NamedTuple):
@@ -42,27 +42,24 @@ class ObjectValues(NamedTuple):
     has_uv: BoolArray
 
 
-def read_material_values(uids: IndexArray, kind: str) -> MaterialValues:
+def read_material_looks(uids: set[int], kind: str) -> dict[int, MaterialLook]:
     """Read materials by their session_uids; one that does not exist, such as 0, is an empty slot.
 
     kind: "VIEWPORT" for the values of Viewport Display, "TEXTURE" for these and images, "NODES" for those
     of Material Preview.
     """
-    wanted = set(uids.tolist()) - {0}
-    by_uid = {one.session_uid: one for one in bpy.data.materials if one.session_uid in wanted}
-    values, images = np.tile(np.array(EMPTY, np.float32), (len(uids), 1)), []
-    for row, uid in enumerate(uids.tolist()):
-        material = by_uid.get(uid)
-        image = None
-        if material is not None and kind == "NODES":
+    found = dict.fromkeys(uids, MaterialLook(EMPTY, None))
+    for material in bpy.data.materials:
+        if material.session_uid not in found:
+            continue
+        if kind == "NODES":
             color, metallic, roughness = _previewed(material)
-            values[row] = *color, 1.0, metallic, roughness
-            image = _colored_by(material)
-        elif material is not None:
-            values[row] = *material.diffuse_color, material.metallic, material.roughness
+            values, image = (*color, 1.0, metallic, roughness), _colored_by(material)
+        else:
+            values = *material.diffuse_color, material.metallic, material.roughness
             image = active_image(material) if kind == "TEXTURE" else None
-        images.append(image)
-    return MaterialValues(np.nan_to_num(values), tuple(images))
+        found[material.session_uid] = MaterialLook(values, image)
+    return found
 
 
 def _previewed(material) -> tuple[Array, float, float]:

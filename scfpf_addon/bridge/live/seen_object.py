@@ -20,7 +20,7 @@ from ..render.render_engine import ENGINE
 from ..render.render_viewport import Rectangle, camera_rectangle, viewport_eye
 from ..scene.instances import MeshTable, copies_shown, instances
 from ..scene.mesh_arrays import read_mesh, without_slots
-from ..scene.read_materials import unmet_slots
+from ..scene.read_materials import unmet_slots, volume_only_materials
 from ..scene.read_visibility import ObjectKey, ShownInRenders
 
 
@@ -124,10 +124,10 @@ def _boxes(
 def _meshes(depsgraph, renders: ShownInRenders, met: BoolArray) -> list:
     """Vertices in the world and triangles of the instances that are ``met`` (N,), in order."""
     meshes = MeshTable(read_mesh)
-    placed = []
+    placed, volume_only = [], volume_only_materials()
     for instance in compress(instances(depsgraph, {"MESH"}, renders), met):
         slots = max(len(instance.obj.material_slots), 1)
-        mesh = without_slots(meshes.of(instance), unmet_slots(instance.obj), slots)
+        mesh = without_slots(meshes.of(instance), unmet_slots(instance.obj, volume_only), slots)
         matrix = instance.matrix
         placed.append((mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3], mesh.triangles))
     return placed

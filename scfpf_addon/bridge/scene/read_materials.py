@@ -111,10 +111,12 @@ def volume_only_materials() -> frozenset[int]:
     return frozenset(one.session_uid for one in bpy.data.materials if is_volume_only(one))
 
 
-def unmet_slots(obj) -> frozenset[int]:
-    """The material slots of an object whose faces no ray meets."""
-    slots = obj.material_slots
-    return frozenset(n for n, slot in enumerate(slots) if is_volume_only(slot.material))
+def unmet_slots(obj, volume_only: frozenset[int]) -> frozenset[int]:
+    """The material slots of an object whose faces no ray meets. volume_only: ``volume_only_materials``."""
+    if not volume_only:
+        return volume_only
+    used = enumerate(slot.material for slot in obj.material_slots)
+    return frozenset(n for n, one in used if one is not None and one.original.session_uid in volume_only)
 
 
 def _unshown(tree) -> Iterator[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...bridge.camera.flexible_camera import control_objects
-from ...bridge.scene.read_materials import unmet_slots
+from ...bridge.scene.read_materials import unmet_slots, volume_only_materials
 
 # Types of objects that have faces, or instance a collection whose objects have some.
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}
@@ -23,7 +23,7 @@ def shown_objects(view_layer) -> dict[int, object]:
 
     As in renders, hiding in viewports does not count.
     """
-    left_out = control_objects()
+    left_out, volume_only = control_objects(), volume_only_materials()
     shown: dict[int, object] = {}
     pending = [view_layer.layer_collection]
     while pending:
@@ -34,12 +34,12 @@ def shown_objects(view_layer) -> dict[int, object]:
         if layer.exclude:
             continue
         for candidate in layer.collection.objects:
-            if candidate.session_uid not in shown and _is_shown(candidate, left_out):
+            if candidate.session_uid not in shown and _is_shown(candidate, left_out, volume_only):
                 shown[candidate.session_uid] = candidate
     return shown
 
 
-def _is_shown(candidate, left_out: set[str]) -> bool:
+def _is_shown(candidate, left_out: set[str], volume_only: frozenset[int]) -> bool:
     if candidate.hide_render or candidate.type not in SHAPES or not candidate.visible_camera:
         return False
     if candidate.type == "EMPTY":
@@ -49,7 +49,7 @@ def _is_shown(candidate, left_out: set[str]) -> bool:
         return False
     if candidate.parent is not None and candidate.parent.instance_type in PARENTS:
         return False
-    if candidate.material_slots and len(unmet_slots(candidate)) == len(candidate.material_slots):
+    if candidate.material_slots and len(unmet_slots(candidate, volume_only)) == len(candidate.material_slots):
         return False
     return candidate.name_full not in left_out
 

@@ -331,17 +331,28 @@ def test_viewports_of_two_kinds_do_not_read_materials_by_turns(shown, addon, mon
     """Two viewports share a reader: each kind of color is read once as long as nothing is edited."""
     cube("first", material("red", (0.9, 0.1, 0.1, 1.0)))
     objects, _, reader = shown()
-    module, kinds = addon("bridge.live.read_look"), []
-    read = module.read_material_values
+    module, asked = addon("bridge.live.read_look"), []
+    read = module.read_material_looks
 
-    def counted(materials, kind):
-        kinds.append(kind)
-        return read(materials, kind)
+    def counted(uids, kind):
+        asked.append((kind, len(uids)))
+        return read(uids, kind)
 
-    monkeypatch.setattr(module, "read_material_values", counted)
+    monkeypatch.setattr(module, "read_material_looks", counted)
     depsgraph, shading = bpy.context.evaluated_depsgraph_get(), bpy.context.scene.display.shading
     reader.mark_edited()
     for color_type in 3 * ("MATERIAL", "TEXTURE"):
         shading.color_type = color_type
         reader.read(objects, shading, None, depsgraph)
-    assert kinds == ["VIEWPORT", "TEXTURE"]
+    assert asked == [("VIEWPORT", 1), ("TEXTURE", 1)]
+    # Objects that come or move read no material anew; one that is new is read alone.
+    second = cube("second", material("blue", (0.1, 0.1, 0.9, 1.0)))
+    second.location.x = 2.0
+    for _ in range(2):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        objects.mark(set())
+        objects.read(depsgraph)
+        look = reader.read(objects, shading, None, depsgraph)
+        second.location.x = 3.0
+    assert asked[2:] == [("TEXTURE", 1)]
+    assert np.allclose(look.surfaces.color[:, row(objects, second)], (0.1, 0.1, 0.9), atol=CLOSE)

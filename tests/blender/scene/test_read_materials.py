@@ -45,7 +45,8 @@ def preview(addon):
     module = addon("bridge.live.read_surfaces")
 
     def read(material):
-        values = module.read_material_values(np.array([material.session_uid]), "NODES").values[0]
+        uid = material.session_uid
+        values = np.float32(module.read_material_looks({uid}, "NODES")[uid].values)
         return values[:3], values[4], values[5]
 
     return read
