@@ -31,7 +31,7 @@ from scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from scfpf_addon.bridge.render.image_size import image_size
 from scfpf_addon.bridge.render.type_registration import register_types
 from scfpf_addon.cycles import rig, rig_properties
-from scfpf_addon.cycles.chord_planning import price_of_rig
+from scfpf_addon.cycles.prices import price_of_rig
 from scfpf_addon.projection.presets.preset import load_preset
 
 PRESETS = Path(__file__).parents[1] / "presets"

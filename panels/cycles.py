@@ -8,7 +8,7 @@ import bpy
 from ..operators.common.target import flexible_camera_of
 from ..operators.common.words import label_text
 from ..scfpf_addon.cycles.cautions import cautions
-from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
+from ..scfpf_addon.cycles.prices import Price, price_of_rig
 from ..scfpf_addon.cycles.rig_data import rig_of
 from .base import LINE, Subsection, draw_lines, draw_text, section_panels, shows_internals
 

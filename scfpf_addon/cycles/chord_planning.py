@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The planning of a rig's chords for all frames of its volume, and the price of a rig."""
+"""The planning of a rig's chords for all frames of its volume."""
 
 from __future__ import annotations
 
@@ -16,16 +16,13 @@ from ..bridge.volume.volume_object import sync_volume_object
 from ..projection.user_error import UserError
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import grid_cells
-from .chords.chord_plan import ChordPlan, plan_chords, rendering_cost
-from .portals.sheets import first_sheet, whole_vertices
+from .chords.chord_plan import ChordPlan, plan_chords
 from .rig_data import build_groups, check, check_surfaces, remove_groups
 from .smoke import changing_smoke, keyed_frames, smoke_around
 from .watched_volume import may_move
 
 # Frames of an animated volume, or of smoke that changes, that are looked at.
 FRAMES = 9
-# Memory of the sheets in Blender and in Cycles: 520 bytes a vertex, measured with 500,000.
-BYTES_PER_VERTEX = 520
 # Progress once the frames are read, and once the node groups are built.
 AFTER_FRAMES, AFTER_GROUPS = 0.4, 0.7
 
@@ -154,45 +151,3 @@ def chords_of(camera, scene, projections: list[Projection], is_own_view: bool = 
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     plan = plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
     return replace(plan, is_own_view=is_own_view)
-
-
-class Price(NamedTuple):
-    """The price of a rig: its chords, their error in pixels, the vertices of its sheets.
-
-    passed: portals that a ray passes which skips empty chords, the mean; 0 if rays skip none.
-    """
-
-    chords: int
-    error: float
-    vertices: int
-    passed: float = 0.0
-
-    @property
-    def portals(self) -> int:
-        """The most portals that a ray passes: the screen, the sheets between chords, and the far sheet."""
-        return self.chords + 1
-
-    @property
-    def cost(self) -> float:
-        """Rendering time as a multiple of an ordinary camera's, in a simple scene."""
-        return rendering_cost(self.passed - 1.0 if self.passed else self.chords)
-
-    @property
-    def memory(self) -> int:
-        """The memory of the rig in bytes, approximately."""
-        return self.vertices * BYTES_PER_VERTEX
-
-
-def price_of_plan(plan: ChordPlan) -> Price:
-    """The price of a planned rig."""
-    return Price(plan.count, plan.error, whole_vertices(plan.count, plan.cells, plan.disc))
-
-
-def price_of_rig(rig) -> Price:
-    """The price of an existing rig."""
-    settings = rig.scfpf_rig
-    # Nodes repeat one sheet of the mesh, unless rays skip chords.
-    vertices = len(settings.portals.data.vertices) - settings.sheet_vertices
-    if not settings.passed:
-        vertices = first_sheet(settings.chords) + (settings.chords + 1) * settings.sheet_vertices
-    return Price(settings.chords, settings.error, vertices, settings.passed)

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Skipping kept true: found when a rig is made or rendered, off as soon as the scene or the volume changes.
+"""Skipping kept true, by a rule of two sentences.
 
-Switching it off is a setting of the rig's nodes, which then make whole sheets. The next render through the
-add-on's operator, or in the background, looks for empty chords again. If anything moves, a driver lets rays
-skip chords only at the frames for which the scene was looked at.
+Rays skip the chords that were empty when the rig was made or last rendered, at the frames that were looked
+at. An update that changes what a ray may meet makes whole sheets, until the next render.
+
+The first sentence holds in every Blender: the sheets have a setting of their nodes, with a driver if anything
+moves. The second one holds with the add-on: ``scene_state`` compares only what an update names, and the next
+render through its operator, or in the background, looks for empty chords again.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 from benchmarks import counts
 from benchmarks.street import portals_passed
-from scfpf_addon.cycles.chord_planning import BYTES_PER_VERTEX
+from scfpf_addon.cycles.prices import BYTES_PER_VERTEX
 
 # Blender's versions round the street's vertices differently.
 SLACK = 0.01

@@ -380,7 +380,7 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon,
         view.show_developer_ui = False
     # The price that is shown before is that of the rig.
     rig = addon("cycles.rig_data").rig_of(bpy.context.scene)
-    there = addon("cycles.chord_planning").price_of_rig(rig)
+    there = addon("cycles.prices").price_of_rig(rig)
     assert 0 < there.passed < known.portals
     assert known == there._replace(error=known.error, passed=0.0, vertices=known.vertices)
     assert there.error == pytest.approx(known.error, rel=1e-6)

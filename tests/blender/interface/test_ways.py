@@ -155,7 +155,7 @@ def test_the_price_of_cycles_is_told_before_and_is_the_rigs(addon, camera):
     bpy.context.view_layer.update()
     text = addon("operators.camera.ways").price_text(bpy.context, camera)
     bpy.ops.scfpf.cycles_use()
-    price = addon("cycles.chord_planning").price_of_rig(addon("cycles.rig_data").rig_of(bpy.context.scene))
+    price = addon("cycles.prices").price_of_rig(addon("cycles.rig_data").rig_of(bpy.context.scene))
     most = price._replace(passed=0.0).cost
     assert f"up to {most:.1f} times" in text and most >= price.cost > 1.0
     assert "switched on" in addon("operators.camera.ways").price_text(bpy.context, camera)
