@@ -13,11 +13,12 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...scfpf_addon.bridge.blender import versions
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
 from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
-from ...scfpf_addon.cycles.layers.layers_job import LayersJob, all_at_once
-from ...scfpf_addon.engines.anchors_job import AnchorsJob, plan_picture
+from ...scfpf_addon.cycles.layers.layers_job import LOST, LayersJob, all_at_once
+from ...scfpf_addon.engines.anchors_job import AnchorsJob, PlanJob
 from ...scfpf_addon.projection.user_error import UserError
 from ..common.errors import refused
 from ..common.modal_job import ModalJob, in_window, is_running
@@ -29,6 +30,7 @@ from ..image.preparation import poll_no_render, redraw_interface
 
 # Seconds between two looks at Blender's render.
 TICK = 0.1
+PLAN_CANCELED = "Planning canceled: the earlier plan is kept"
 CANCELED = "Render canceled: the previous picture is unchanged"
 ENGINES = (
     ("EEVEE", "EEVEE", "Blender's real-time engine"),
@@ -132,12 +134,22 @@ class PicturesRender(ModalJob):
             return {"PASS_THROUGH"}
         if _cancelled:
             return super().escape(context)
-        if self._job.step():
-            self.show(context, report_text("Flexible Projection: {0}    Esc: cancel", self._job.progress))
-            self._job.render(in_window=True)
+        if self._job.is_working:
+            self.show_job(context)
+            return {"PASS_THROUGH"}
+        if wanted := self._job.step():
+            self.show_job(context)
+            if wanted == "RENDER":
+                self._job.render(in_window=True)
+            else:
+                self._job.work.start()
             return {"RUNNING_MODAL"}
         self._job.close()
         return self._finish(context, self._job)
+
+    def show_job(self, context) -> None:
+        """Show what the job does."""
+        self.show(context, report_text("Flexible Projection: {0}    Esc: cancel", self._job.progress))
 
     def give_up(self, _context):
         """Close the job. Blender may be rendering its scene as the extension is disabled."""
@@ -202,12 +214,15 @@ class SCFPF_OT_joined_render(OfEngine, PicturesRender, bpy.types.Operator):
         return AnchorsJob(context, camera, frames, path, RENDERERS[self.engine])
 
 
-class SCFPF_OT_joined_plan(OfEngine, Action, bpy.types.Operator):
+class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
     """Find out how many renders of another engine the picture takes; Render uses the plan as long as camera,
     scene and size stay as they are"""
 
     bl_idname = "scfpf.joined_plan"
     bl_label = "Plan Renders"
+
+    seconds = TICK
+    canceled = PLAN_CANCELED
 
     camera: StringProperty(
         name="Camera",
@@ -219,20 +234,69 @@ class SCFPF_OT_joined_plan(OfEngine, Action, bpy.types.Operator):
     def poll(cls, context):
         return poll_flexible_camera(cls, context) and poll_no_render(cls, context)
 
+    def invoke(self, context, _event):
+        if not in_window(context):
+            return self.execute(context)
+        try:
+            self._start(context)
+        except USER_ERRORS as error:
+            return refused(self, error)
+        outcome = self.begin(context)
+        self.show(context, report_text("Flexible Projection: reading the scene"))
+        return outcome
+
     def act(self, context):
+        self._start(context)
+        try:
+            while self._job.step():
+                self._job.work.run()
+            return self._kept(context)
+        finally:
+            self._job.close()
+
+    def tick(self, context):
+        if self._job.is_working:
+            progress = self._job.work.progress
+            self.show(context, report_text("Flexible Projection: {0}, {1:.0%}    Esc: cancel", self._job.text, progress))
+            return {"PASS_THROUGH"}
+        if self._job.step():
+            self._job.work.start()
+            return {"RUNNING_MODAL"}
+        note_edit()
+        told = self._kept(context)
+        self._job.close()
+        self.report({"INFO"}, told)
+        return {"FINISHED"}
+
+    def respond(self, _context, event):
+        # The plan is of the scene as it was.
+        return {"PASS_THROUGH"} if event.type in PASSED else {"RUNNING_MODAL"}
+
+    def give_up(self, _context):
+        """Cancel the planning; the camera keeps its earlier plan."""
+        self._job.close()
+
+    def _start(self, context) -> None:
+        """Begin to plan. Raises USER_ERRORS."""
         camera = chosen_camera(context, self.camera)
         if not camera.is_editable:
             raise UserError(LINKED, camera.name)
         take_up_edits(context)
-        uid = camera.session_uid
-        plan, warnings = plan_picture(context, camera, RENDERERS[self.engine])
-        text, told = "", ONE_RENDER
+        self._uid = camera.session_uid
+        self._job = PlanJob(context, camera, RENDERERS[self.engine])
+
+    def _kept(self, context) -> str:
+        """Keep the plan on the camera; return what to report. Raises UserError."""
+        plan, text, told = self._job.plan, "", report_text(ONE_RENDER)
         if plan is not None:
             text, told = plan.text, report_text(PLANNED, len(plan.anchors), plan.shown, plan.pixels)
-        for warning in warnings:
+        for warning in self._job.warnings:
             self.report({"WARNING"}, translated_report(warning))
         redraw_interface(context.window_manager)
-        object_by_uid(uid).scfpf.anchor_plan = text
+        camera = object_by_uid(self._uid)
+        if camera is None:
+            raise UserError(LOST)
+        camera.scfpf.anchor_plan = text
         return told
 
 

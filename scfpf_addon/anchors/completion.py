@@ -42,13 +42,14 @@ class CompletedSet:
     """The views of an image's anchors.
 
     views: of those before, and of further ones. own: the set of all that have a share in a pixel. added: the
-    further anchors. shown: the share of the pixels' centres on things that one of them shows.
+    further anchors. count: of the pixels' centres on things. shown: the share of these that an anchor shows.
     """
 
     views: list[AnchorView]
     own: ViewSet
     added: tuple[Anchor, ...]
     shown: float
+    count: int
 
 
 def completed(
@@ -81,7 +82,7 @@ def completed(
         numbers = range(len(views), len(views) + len(new))
         added, views, own = found, [*views, *new], replace(own, rest=(*own.rest, *numbers))
         left = left.take(np.flatnonzero(find_texels(left, new, limits.angle).is_hole))
-    return CompletedSet(views, own, tuple(added), 1.0 - len(left.number) / max(count, 1))
+    return CompletedSet(views, own, tuple(added), 1.0 - len(left.number) / max(count, 1), count)
 
 
 def looked_through(

@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor, Window
 
-VERSION = 1
+VERSION = 2
 # Image positions along a side at which projectors are compared.
 PLACES = 9
 
@@ -24,7 +26,8 @@ class KeptPlan:
     """The anchors of a picture.
 
     made_for: the digest of what they were planned for. size: of the picture in pixels. shown: the share of
-    its points on things that an anchor shows. is_one_eye: whether all its projectors have one eye.
+    its points on things that an anchor shows. is_one_eye: whether all its projectors have one eye. layers:
+    the numbers of the anchors' layers, 0 for the rest; () if all are of that.
     """
 
     anchors: tuple[Anchor, ...]
@@ -32,6 +35,12 @@ class KeptPlan:
     size: tuple[int, int]
     shown: float
     is_one_eye: bool
+    layers: tuple[int, ...] = ()
+
+    def of_layer(self, number: int) -> tuple[Anchor, ...]:
+        """The anchors of a layer, or of the rest for 0."""
+        numbers = self.layers or (0,) * len(self.anchors)
+        return tuple(anchor for anchor, own in zip(self.anchors, numbers, strict=True) if own == number)
 
     @property
     def pixels(self) -> float:
@@ -51,15 +60,15 @@ class KeptPlan:
             ]
             for each in self.anchors
         ]
-        kept = [VERSION, self.made_for, [*self.size], self.shown, self.is_one_eye, anchors]
+        kept = [VERSION, self.made_for, [*self.size], self.shown, self.is_one_eye, anchors, [*self.layers]]
         return json.dumps(kept, separators=(",", ":"))
 
     @classmethod
     def read(cls, text: str) -> KeptPlan | None:
         """The plan that a text holds; None if it holds none, as one of another version."""
         try:
-            version, made_for, (width, height), shown, is_one_eye, anchors = json.loads(text)
-            if version != VERSION:
+            version, made_for, (width, height), shown, is_one_eye, anchors, layers = json.loads(text)
+            if version != VERSION or len(layers) not in (0, len(anchors)):
                 return None
             return cls(
                 tuple(_anchor(*each) for each in anchors),
@@ -67,6 +76,7 @@ class KeptPlan:
                 (int(width), int(height)),
                 float(shown),
                 bool(is_one_eye),
+                tuple(map(int, layers)),
             )
         except (ValueError, TypeError):
             return None
@@ -86,17 +96,24 @@ def _anchor(
 def digest(
     vertices: Array,
     triangles: NDArray[np.int32],
-    shown: BoolArray | None,
+    arrays: Sequence[NDArray[Any] | None],
     projection: Projection,
     size: tuple[int, int],
 ) -> str:
-    """The digest of what a plan depends on: triangles, which of them are seen, projectors, size in pixels."""
+    """The digest of what a plan depends on: triangles, projectors, also of layers, and the size in pixels.
+
+    arrays: (T,) each, of the triangles, such as which of them are seen.
+    """
     place = np.linspace(0.0, 1.0, PLACES)
     x, y = (grid.ravel() for grid in np.meshgrid(place, place))
-    with np.errstate(invalid="ignore", over="ignore"):
-        projectors = projection.projectors(x, y).points.astype(np.float32)
-    found = blake2b(repr(size).encode(), digest_size=16)
-    for array in (vertices, triangles, shown, np.nan_to_num(projectors)):
+    halos = [(layer.halo, layer.feather) for layer in projection.layers]
+    found = blake2b(repr((size, halos)).encode(), digest_size=16)
+    for number, array in enumerate((vertices, triangles, *arrays)):
         if array is not None:
+            found.update(bytes([number]))
             found.update(np.ascontiguousarray(array).view(np.uint8).data)
+    for own in projection.of_layers:
+        with np.errstate(invalid="ignore", over="ignore"):
+            projectors = np.nan_to_num(own.projectors(x, y).points.astype(np.float32))
+        found.update(np.ascontiguousarray(projectors).view(np.uint8).data)
     return found.hexdigest()

@@ -112,15 +112,19 @@ def plan_anchors(
     axes: Array,
     limits: PlanLimits | None = None,
     kept: Sequence[Anchor] = (),
+    things_only: bool = False,
 ) -> AnchorPlan:
     """Plan the anchors of an image, or of some frames of a shot.
 
     scenes: of each frame. projections: of each, in world space. size: of the image in pixels. axes: (3, 3),
     right, up and back of its camera. kept: anchors of other frames, of which those are taken that serve.
+    things_only: whether the sky is not looked at, as in a layer.
     Raises CastError and Cancelled.
     """
     limits = limits or PlanLimits()
     points = _looked_at(scenes, projections, size, COLUMNS)
+    if things_only:
+        points = points.take(np.flatnonzero(points.is_hit))
     if not len(points.number):
         return AnchorPlan((), 1.0, 0.0, False)
     eye = common_eye(points)

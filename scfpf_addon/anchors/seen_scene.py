@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..casting.cast import cast
+from ..casting.cast import cast, cast_at_nothing
 from ..casting.common.hits import Hits
 from ..casting.continuation import TileProjectors
+from ..casting.layers.layer_parts import Box
+from ..casting.layers.layered_cast import chances
 from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
-from ..projection.volume.viewing_volume import Projection
+from ..projection.volume.viewing_volume import ImageLayer, Projection
 from ..shading.typing import Single
 
 # Backs that a ray passes, at most: what lies behind more is seen as the last of them.
@@ -25,11 +27,37 @@ LARGEST_STEP = 1e-4
 
 
 @dataclass(frozen=True)
+class Halo:
+    """The surroundings that a layer of an image shows with its things.
+
+    layer: in cast space. box: around its things, in cast space. is_own: (T,), which triangles these are.
+    """
+
+    layer: ImageLayer
+    box: Box
+    is_own: BoolArray
+
+    def is_beyond(self, hits: Hits, x: Array, y: Array) -> BoolArray:
+        """Return which hits (N,) of projectors through image positions (N,) are of what is not shown."""
+        found: BoolArray = (hits.triangle >= 0) & ~self.is_own[hits.triangle]
+        which = np.flatnonzero(found)
+        share = self.layer.halo_share(self.box.distance(hits.position.take(which, 1)))
+        found[which] = share <= chances(x[which], y[which])
+        return found
+
+
+@dataclass(frozen=True)
 class SeenScene:
-    """A scene and its faces that are seen from the front only, (T,); None if all are seen from both sides."""
+    """A scene as cameras see it.
+
+    one_sided: (T,), the faces that are seen from the front only; None if all are seen from both sides.
+    is_empty: whether nothing of the scene is seen. halo: of a layer, whose projectors pass what is beyond it.
+    """
 
     scene: CastScene
     one_sided: BoolArray | None = None
+    is_empty: bool = False
+    halo: Halo | None = None
 
     @cached_property
     def two_sided(self) -> CastScene | None:
@@ -46,12 +74,17 @@ class SeenScene:
     ) -> Hits:
         """The first hits of projectors that are seen. projection: in world space. See ``cast``."""
         projection = projection.transformed(self.scene.matrix)
+        if self.is_empty:
+            return cast_at_nothing(projection, x, y)
         hits = cast(self.scene, projection, x, y, pixel_size, pixel_error)
-        if self.one_sided is None:
+        if self.one_sided is None and self.halo is None:
             return hits
         tile = TileProjectors(self.scene, projection, x, y, hits.mask, pixel_size, pixel_error)
         for _ in range(MOST_PASSED):
-            which = np.flatnonzero(self._is_back(hits.triangle, hits.tangent))
+            passed = self._is_back(hits.triangle, hits.tangent)
+            if self.halo is not None:
+                passed |= self.halo.is_beyond(hits, x, y)
+            which = np.flatnonzero(passed)
             if not len(which):
                 break
             hits.put(which, tile.next_hits(which, hits.t[which], hits.triangle[which]))
@@ -59,6 +92,8 @@ class SeenScene:
 
     def distances(self, origin: Float32Array, way: Float32Array, limits: Float32Array) -> Single:
         """The distances (N,) of the first faces that rays see, the limit for none. See ``TracedMesh``."""
+        if self.is_empty:
+            return limits.copy()
         mesh = self.scene.mesh
         found: Single = mesh.trace_distance(origin, way, limits)
         if self.one_sided is None:
@@ -89,7 +124,8 @@ class SeenScene:
 
     def _is_back(self, triangle: IndexArray, way: NDArray[Any]) -> BoolArray:
         """Return which rays (N,) meet a face at its back that is not seen."""
-        assert self.one_sided is not None
+        if self.one_sided is None:
+            return np.zeros(len(triangle), bool)
         is_back: BoolArray = (triangle >= 0) & self.one_sided[triangle]
         which = np.flatnonzero(is_back)
         normal = self.scene.normals(triangle[which])

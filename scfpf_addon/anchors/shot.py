@@ -10,7 +10,7 @@ A frame has the same anchors whichever frames are rendered, and in whatever orde
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..projection.typing import Array
@@ -52,9 +52,10 @@ class Shot:
     frame takes the plans of three chunks at most, and neighbours share anchors.
     """
 
-    def __init__(self, first: int, last: int, step: int = 1, limits: PlanLimits | None = None) -> None:
-        """first, last: the frames of the whole shot, few of which may be rendered. step: between two."""
-        self._ends, self._step, self._limits = (first, last), step, limits or PlanLimits()
+    def __init__(self, first: int, last: int, step: int = 1, layer: int = 0) -> None:
+        """first, last: the frames of the whole shot, few of which may be rendered. step: between two. layer:
+        the number of the image layer that is planned, 0 for the rest."""
+        self._ends, self._step, self._layer = (first, last), step, layer
         # By chunk; None if each frame has anchors of its own.
         self._sets: dict[int, AnchorSet | None] = {}
         self._made_for: dict[int, tuple[str, ...]] = {}
@@ -108,11 +109,13 @@ class Shot:
         made_for = tuple(each.made_for for each in looked_at)
         # Where nothing moves all chunks have one set. Of the odd ones only neighbours know.
         known = self._neighbours(chunk) if chunk % 2 else [other for other in self._sets if other % 2 == 0]
+        known = [other for other in known if other in self._sets]
         for other in known:
             if self._made_for[other] == made_for:
                 return self._sets[other]
         if kept is not None and made_for == (kept.made_for,):
-            return None if kept.is_one_eye else AnchorSet([*kept.anchors])
+            is_alone = kept.is_one_eye and not self._layer
+            return None if is_alone else AnchorSet([*kept.of_layer(self._layer)])
         scenes, projections = (
             [getattr(each, name) for each in looked_at] for name in ("scene", "projection")
         )
@@ -120,7 +123,9 @@ class Shot:
             return None
         beside = [self._sets[other] for other in known] if chunk % 2 else []
         anchors = {id(each): each for own in beside if own is not None for each in own.anchors}
-        plan = plan_anchors(scenes, projections, size, axes, self._limits, [*anchors.values()])
+        plan = plan_anchors(
+            scenes, projections, size, axes, None, [*anchors.values()], things_only=self._layer > 0
+        )
         return self._with_rest([*plan.anchors], looked_at, size, threads)
 
     def _with_rest(
@@ -132,14 +137,14 @@ class Shot:
             views = traced_views(each.scene, [*anchors, *rest], threads)
             numbers = range(len(views))
             own = ViewSet(tuple(numbers[: len(anchors)]), tuple(numbers[len(anchors) :]))
-            done = completed(each.scene, each.projection, size, views, own, self._limits, threads)
+            done = completed(each.scene, each.projection, size, views, own, threads=threads)
             rest += done.added
         return AnchorSet(anchors, rest)
 
     def sets(self, frame: int) -> list[AnchorSet]:
         """The sets of anchors of a frame, the present one last; [] if it is planned by itself."""
         chunk = self._chunk(frame)
-        own = self._sets[chunk]
+        own = self._sets.get(chunk)
         if own is None:
             return []
         share = min((self._begun(frame) + 1) / (FADE + 1), 1.0)
@@ -168,6 +173,43 @@ class Shot:
         """The chunks before and after one. Those of the shot have none beyond it."""
         both = chunk - 1, chunk + 1
         return [each for each in both if self._is_within(each) or not self._is_within(chunk)]
+
+
+class LayeredShot:
+    """The anchors of a shot whose image may have layers."""
+
+    def __init__(self, first: int, last: int, step: int = 1) -> None:
+        """See ``Shot``."""
+        self._frames = first, last, step
+        self._rest = Shot(*self._frames)
+        self._shots = {0: self._rest}
+
+    def missing(self, frame: int) -> list[int]:
+        """The chunks that are to be planned for a frame, in this order."""
+        return self._rest.missing(frame)
+
+    def frames(self, chunk: int) -> list[int]:
+        """The frames to plan a chunk for."""
+        return self._rest.frames(chunk)
+
+    def plan(
+        self,
+        chunk: int,
+        looked_at: Sequence[Mapping[int, LookedAt]],
+        size: tuple[int, int],
+        axes: Array,
+        kept: KeptPlan | None = None,
+        threads: int = 0,
+    ) -> None:
+        """Plan a chunk. looked_at: of each frame, by the number of the layer; the rest see ``Shot.plan``."""
+        for number in sorted({number for each in looked_at for number in each}):
+            shot = self._shots.setdefault(number, Shot(*self._frames, number))
+            there = [each[number] for each in looked_at if number in each]
+            shot.plan(chunk, there, size, axes, kept, threads)
+
+    def sets(self, frame: int, number: int) -> list[AnchorSet]:
+        """The sets of anchors of a layer, or of the rest for 0; see ``Shot.sets``."""
+        return self._shots[number].sets(frame) if number in self._shots else []
 
 
 def completed_sets(

@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
-from .common.cancellation import cancelled_by
+from .common.cancellation import cancelled_by, raise_if_cancelled
 from .common.hits import CastError
 from .common.parallel import started, thread_count
 
@@ -70,7 +70,8 @@ def run_tiles(
 
     finished, progress(share of the rows, in [0, 1]) and cancelled are called in the
     calling thread. Exceptions of ``work`` are raised here. However this ends, work that is left
-    has been cancelled, and all threads have ended.
+    has been cancelled, and all threads have ended. Raises Cancelled if the calling thread's work is
+    cancelled, see ``cancelled_by``.
     """
     ends = Event()
     jobs = [TileJob(rows) for rows in tiles]
@@ -100,6 +101,7 @@ def run_tiles(
     left = len(jobs)
     try:
         while left:
+            raise_if_cancelled()
             if cancelled and cancelled():
                 return False
             if not running:

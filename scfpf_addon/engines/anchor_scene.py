@@ -9,18 +9,23 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
 from ..anchors.anchor import Anchor
+from ..bridge.blender import versions
 from ..bridge.blender.all_or_nothing import all_or_nothing
 from ..bridge.blender.rig_mark import PASSING_KEY
+from ..bridge.blender.scene_objects import object_by_uid
 from ..bridge.blender.versions import image_format_properties
+from ..bridge.camera.flexible_camera import control_objects
+from ..bridge.scene.read_visibility import rendered_objects
 from ..cycles.layers.temporary_scene import FORMAT
-from ..cycles.rig_data import rigs
+from ..cycles.rig_data import CYCLES, rigs
 from ..projection.user_error import UserError
 from ..shading.typing import Single
 from .anchor_passes import AnchorPasses
@@ -30,6 +35,10 @@ CAMERA = "SCFPF Anchor"
 LOST = "The scene's copy was removed meanwhile: render again"
 # The width of the pixel filter: each pixel of an anchor shows one place.
 POINT = 0.01
+# Engines whose cameras miss things that go on casting shadows.
+SHADOW_ENGINES = {CYCLES, versions.EEVEE}
+# What renders show no shape of.
+SHAPELESS = {"LIGHT", "CAMERA", "SPEAKER", "LIGHT_PROBE"}
 # An engine's camera shows nothing nearer than this.
 NEAREST = 1e-6
 
@@ -38,11 +47,14 @@ class AnchorScene:
     """The copy of a scene, with one view layer and a camera. Call ``remove`` in any case.
 
     It keeps names only, because Blender may free data between two calls. engine: the identifier of the
-    render engine.
+    render engine. members: the number of the image layer by an object's session id, 0 for others.
+    instancers: session ids of the objects that instance others.
     """
 
     def __init__(self, scene, view_layer, engine: str = "") -> None:
         """engine: the identifier of a render engine, empty for the scene's own."""
+        self.members: Mapping[int, int] = {}
+        self.instancers: Collection[int] = ()
         with all_or_nothing() as kept:
             copy = scene.copy()
             self.name, self._folder = copy.name, tempfile.mkdtemp(prefix="scfpf-")
@@ -124,6 +136,45 @@ class AnchorScene:
         render.filter_size, scene.display.render_aa = POINT, "OFF"
         if hasattr(scene, "cycles"):
             scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", POINT
+
+    @contextmanager
+    def showing(self, number: int, with_rest: bool = False) -> Iterator[None]:
+        """Let renders show the things of an image layer alone, or those in none for 0.
+
+        with_rest: those in none as well. Other things go on casting shadows, if the engine knows such. What
+        no image shows, such as control surfaces, is absent. The artist's objects are as before afterwards.
+        """
+        scene = self._present()
+        before: list[tuple[int, str, bool]] = []
+        hides = "visible_camera" if scene.render.engine in SHADOW_ENGINES else "hide_render"
+        absent, shown = control_objects(), {number, *([0] if with_rest else [])}
+        for obj in rendered_objects(scene.view_layers[0]):
+            if obj.hide_render:
+                # What instances show of it follows its other settings.
+                continue
+            name = hides
+            if obj.name_full in absent:
+                name = "hide_render"
+            elif not self.members or obj.type in SHAPELESS or self.members.get(obj.session_uid, 0) in shown:
+                continue
+            elif obj.session_uid in self.instancers and scene.render.engine != CYCLES:
+                # EEVEE's cameras see the instances of an object that they miss.
+                name = "hide_render"
+            wanted = name == "hide_render"
+            if getattr(obj, name) != wanted:
+                before.append((obj.session_uid, name, not wanted))
+                setattr(obj, name, wanted)
+        is_transparent = scene.render.film_transparent
+        scene.render.film_transparent = is_transparent or number > 0
+        del scene
+        try:
+            yield
+        finally:
+            for uid, name, value in before:
+                if (obj := object_by_uid(uid)) is not None:
+                    setattr(obj, name, value)
+            if self.scene is not None:
+                self.scene.render.film_transparent = is_transparent
 
     def kept(self, values: Single) -> Single:
         """Move values into a file that the system maps into memory as needed, for pictures are many."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..anchors.kept_plan import KeptPlan
-from ..anchors.shot import Shot
+from ..anchors.shot import LayeredShot
 from ..bridge.blender.user_errors import USER_ERRORS, reason
 from ..bridge.render import command_line
 from ..bridge.render.render_engine import ENGINE
@@ -34,7 +34,7 @@ class AnchorsJob(LayersJob):
         super().__init__(context, camera, frames, path)
         # Farms render frames apart: the shot is the whole one of the scene.
         scene = context.scene
-        self._shot = Shot(scene.frame_start, scene.frame_end, scene.frame_step)
+        self._shot = LayeredShot(scene.frame_start, scene.frame_end, scene.frame_step)
 
     def require(self, scene) -> None:
         """Raise UserError if the engine is our own."""
@@ -55,17 +55,66 @@ def render_anchors(
     return all_at_once(AnchorsJob(context, camera, frames, path, renderer))
 
 
-def plan_picture(context, camera, renderer: str = "") -> tuple[KeptPlan | None, list[str]]:
-    """Plan the renders of the scene's picture; None if the camera's own view is all.
+class PlanJob:
+    """The plan of a picture's renders, step by step. Call ``close`` in any case.
 
-    Returns also warnings of what the picture will not show as the scene says. Raises USER_ERRORS.
+    plan: None if the camera's own view is all. warnings: what the picture will not show as the scene says.
+    work: what a thread is to do before the next step.
     """
-    passing = AnchorScene(context.scene, context.view_layer, renderer)
+
+    def __init__(self, context, camera, renderer: str = "") -> None:
+        """renderer: the identifier of a render engine, empty for the scene's own. Raises USER_ERRORS."""
+        self._passing: AnchorScene | None = AnchorScene(context.scene, context.view_layer, renderer)
+        self._render = AnchoredRender(self._passing)
+        self._steps = self._render.plan_steps(camera)
+        self.text, self.work = "", None
+
+    @property
+    def plan(self) -> KeptPlan | None:
+        """The plan, after the last step."""
+        return self._render.plan
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the picture will not show as the scene says."""
+        return self._render.warnings
+
+    @property
+    def is_working(self) -> bool:
+        """Return whether a thread is still at work."""
+        return self.work is not None and self.work.running
+
+    def step(self) -> bool:
+        """Prepare the next work; False if the plan is made. Raises USER_ERRORS."""
+        wanted, self.work = next(self._steps, None), None
+        if wanted is None:
+            return False
+        self.text, self.work = wanted
+        return True
+
+    def close(self) -> None:
+        """Cancel what goes on, and remove everything that was made for it."""
+        work, self.work = self.work, None
+        passing, self._passing = self._passing, None
+        try:
+            if work is not None:
+                work.cancel()
+                work.wait()
+            self._steps.close()
+        finally:
+            if passing is not None:
+                passing.remove()
+
+
+def plan_picture(context, camera, renderer: str = "") -> tuple[KeptPlan | None, list[str]]:
+    """Do all of a ``PlanJob`` at once; return its plan and warnings. Raises USER_ERRORS."""
+    job = PlanJob(context, camera, renderer)
     try:
-        render = AnchoredRender(passing)
-        return render.make_plan(camera), render.warnings
+        while job.step():
+            job.work.run()
+        return job.plan, job.warnings
     finally:
-        passing.remove()
+        job.close()
 
 
 def render_for_command(renderer: str, camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from ..bridge.blender import versions
 from ..bridge.blender.shader_nodes import output_shaders
 from ..bridge.scene.read_visibility import rendered_objects
+from ..cycles.rig_data import CYCLES
 from ..projection.user_error import Message
 
 # Switched off in the renders.
@@ -37,13 +38,15 @@ def left_out(scene) -> list[str]:
     return found
 
 
-def cautions(scene, settings_left_out: list[str], has_lens: bool) -> list[Message]:
+def cautions(scene, settings_left_out: list[str], has_lens: bool, has_layers: bool = False) -> list[Message]:
     """What a scene's joined picture does not show as the scene says.
 
     settings_left_out: what ``left_out`` has found in the artist's scene. has_lens: whether depth of field is
-    on.
+    on. has_layers: whether the picture has image layers.
     """
     missing = [*settings_left_out, *(["depth of field"] if has_lens else [])]
+    if has_layers and scene.render.engine not in {versions.EEVEE, CYCLES}:
+        missing.append("shadows and reflections between layers")
     faceless, by_screen = sorted({*_faceless(scene)}), [*_by_screen(scene)]
     found = []
     if missing:

@@ -3,20 +3,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from ..anchors.anchor_view import AnchorView, ViewSet
+from ..anchors.image_parts import ImagePart
 from ..anchors.join import join, join_sky
 from ..anchors.plan import PlanLimits
-from ..anchors.seen_scene import SeenScene
-from ..anchors.shown_points import shown_points
+from ..anchors.shown_points import ShownPoints
 from ..bridge.render.render_inputs import RenderInputs
 from ..casting.tiles import TileJob, image_tiles, run_tiles
-from ..projection.typing import BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
+
+# A share of a sample that changes no pixel by more than a step of 16 bits is not seen.
+LEAST_LEFT = 1.0 / 65535.0
 
 
 @dataclass
@@ -28,54 +33,104 @@ class Pictures:
     colors: list[Single] = field(default_factory=list)
 
 
+class JoinedPart(NamedTuple):
+    """What an image shows through one of its volumes, and the pictures of its anchors."""
+
+    part: ImagePart
+    pictures: Pictures
+
+
 def joined_pixels(
-    inputs: RenderInputs, scene: SeenScene, seen: Pictures, worlds: Pictures
+    inputs: RenderInputs,
+    parts: Sequence[JoinedPart],
+    worlds: Pictures,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[Single, BoolArray]:
     """The picture (H, W, C), and which of its pixels no anchor shows, (H, W).
 
-    scene: what the camera sees. worlds: pictures of the sky. Raises CastError and Cancelled.
+    parts: of the picture, the rest first. worlds: pictures of the sky. progress: is told the share that is
+    done. Raises CastError and Cancelled.
     """
-    settings, projection = inputs.settings, inputs.projection
-    width, height, angle = settings.width, settings.height, PlanLimits().angle
+    settings = inputs.settings
+    width, height = settings.width, settings.height
     positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
-    pixel_size = 1.0 / width, 1.0 / height
-    channels = next((each.shape[2] for each in (*seen.colors, *worlds.colors)), 4)
-    pixels = np.zeros((height, width, channels), np.float32)
+    joining = _Joining(inputs, parts, worlds)
+    pixels = np.zeros((height, width, joining.channels), np.float32)
     holes = np.zeros((height, width), bool)
 
-    def work(job: TileJob) -> tuple[Single, np.ndarray]:
+    def work(job: TileJob) -> tuple[Single, BoolArray]:
         """The channels (n, C) of the pixels of a tile, and which of them have none."""
         count = (job.rows.stop - job.rows.start) * width
-        color, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
+        color, weight = np.zeros((count, joining.channels), np.float32), np.zeros(count, np.float32)
         for sample in range(settings.samples):
-            x, y = positions.of_rows(job.rows, sample)
-            points = shown_points(scene, projection, x, y, pixel_size, settings.pixel_error)
-            # Where there is no projector, the picture shows nothing.
-            present = np.zeros(count, bool)
-            present[points.number] = True
-            weight[~present] += 1.0
-            things = points.take(np.flatnonzero(points.is_hit))
-            own, lacks = join(things, seen.views, seen.sets, seen.colors, angle)
-            color[things.number] += own
-            weight[things.number] += ~lacks
-            if settings.transparent:
-                weight[points.number[~points.is_hit]] += 1.0
-            else:
-                beyond = points.take(np.flatnonzero(~points.is_hit))
-                own, lacks = join_sky(beyond, worlds.views, worlds.colors)
-                color[beyond.number] += own
-                weight[beyond.number] += ~lacks
+            own, lacks = joining.sample(*positions.of_rows(job.rows, sample))
+            color += own
+            weight += ~lacks
+            job.done = (sample + 1) / settings.samples
         empty = weight <= 0.0
         return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
 
-    def finished(rows: slice, made: tuple[Single, np.ndarray]) -> None:
+    def finished(rows: slice, made: tuple[Single, BoolArray]) -> None:
         """Write a tile into the picture."""
-        pixels[rows] = made[0].reshape(-1, width, channels)
+        pixels[rows] = made[0].reshape(-1, width, joining.channels)
         holes[rows] = made[1].reshape(-1, width)
 
-    run_tiles(work, image_tiles(width, height), settings.threads, finished)
+    run_tiles(work, image_tiles(width, height), settings.threads, finished, progress)
     fill(pixels, holes)
     return pixels, holes
+
+
+class _Joining:
+    """Samples of a picture, each joined from the parts that it shows. channels: of the pictures."""
+
+    def __init__(self, inputs: RenderInputs, parts: Sequence[JoinedPart], worlds: Pictures) -> None:
+        self._settings, self._layers = inputs.settings, inputs.projection.layers
+        self._parts, self._worlds, self._angle = parts, worlds, PlanLimits().angle
+        self._pixel_size = 1.0 / self._settings.width, 1.0 / self._settings.height
+        pictures = [picture for each in parts for picture in each.pictures.colors]
+        self.channels = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
+
+    def sample(self, x: Array, y: Array) -> tuple[Single, BoolArray]:
+        """The channels (N, C) at image positions (N,), 0 where no anchor shows them, and where that is."""
+        count, error = len(x), self._settings.pixel_error
+        points = [each.part.points(x, y, self._pixel_size, error) for each in self._parts]
+        things = [each.take(np.flatnonzero(each.is_hit)) for each in points]
+        color, lacks = np.zeros((count, self.channels), np.float32), np.zeros(count, bool)
+        # What the things in front leave of each sample.
+        left = np.ones(count, np.float32)
+        for place, which in self._from_front(count, things):
+            seen = things[place].take(which[left[things[place].number[which]] > LEAST_LEFT])
+            pictures = self._parts[place].pictures
+            own, is_hole = join(seen, pictures.views, pictures.sets, pictures.colors, self._angle)
+            color[seen.number] += own * left[seen.number, None]
+            lacks[seen.number] |= is_hole
+            # Behind the rest there is nothing: its pictures have the sky.
+            alpha = np.clip(own[:, 3], 0.0, 1.0) if place else np.float32(1.0)
+            left[seen.number] *= 1.0 - alpha
+        if not self._settings.transparent:
+            beyond = points[0].take(np.flatnonzero(~points[0].is_hit))
+            beyond = beyond.take(np.flatnonzero(left[beyond.number] > LEAST_LEFT))
+            own, is_hole = join_sky(beyond, self._worlds.views, self._worlds.colors)
+            color[beyond.number] += own * left[beyond.number, None]
+            lacks[beyond.number] |= is_hole
+        color[lacks] = 0.0
+        return color, lacks
+
+    def _from_front(self, count: int, things: Sequence[ShownPoints]) -> Iterator[tuple[int, IndexArray]]:
+        """The parts, and which of their points come next of all that a sample shows, from the front."""
+        if len(things) == 1:
+            yield 0, np.arange(len(things[0].number))
+            return
+        keys = np.full((len(things), count), np.inf)
+        for place, (each, own) in enumerate(zip(self._parts, things, strict=True)):
+            keys[place, own.number] = each.part.keys(self._layers, own)
+        # Of equal keys the earlier part is in front.
+        ranks = np.argsort(np.argsort(keys, axis=0, kind="stable"), axis=0)
+        for rank in range(len(things)):
+            for place, own in enumerate(things):
+                which = np.flatnonzero(ranks[place, own.number] == rank)
+                if len(which):
+                    yield place, which
 
 
 def fill(pixels: Single, holes: BoolArray) -> None:

@@ -217,7 +217,7 @@ class LayeredCast:
             there = hits.triangle[beyond]
             beyond = beyond[(there >= 0) & (self.parts.numbers.take(there) != number)]
             share = layer.halo_share(part.box.distance(hits.position.take(beyond, 1)))
-            beyond = beyond[share <= _chances(tile.x[which[beyond]], tile.y[which[beyond]])]
+            beyond = beyond[share <= chances(tile.x[which[beyond]], tile.y[which[beyond]])]
             if not len(beyond):
                 return
             counts.rays += len(beyond)
@@ -231,7 +231,7 @@ class LayeredCast:
         return layer_keys(self.projection.layers, number, hits.position, hits.triangle >= 0, middle)
 
 
-def _chances(x: Array, y: Array) -> Array:
+def chances(x: Array, y: Array) -> Array:
     """Numbers (N,) in [0, 1) that image positions (N,) decide, and that look random.
 
     The mixing of bits is that of SplitMix64 (Steele et al., "Fast Splittable Pseudorandom Number Generators",

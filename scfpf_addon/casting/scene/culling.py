@@ -59,6 +59,9 @@ def within_projection(geometry: Geometry, projection: Projection) -> BoolArray:
     kept &= numbers == 0
     for number, layer in enumerate(projection.layers, 1):
         own = numbers == number
+        if layer.halo > 0.0 or layer.front == "ANCHOR":
+            # The box around all of its things counts, whatever the volume can meet.
+            kept |= own
         if layer.halo > 0.0:
             own |= numbers == 0
         kept |= own & within(layer.projection.volume)

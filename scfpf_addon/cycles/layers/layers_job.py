@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 
@@ -16,6 +16,8 @@ from ...bridge.blender.user_errors import USER_ERRORS, reason
 from ...bridge.render.command_line import CYCLES_RENDERS
 from ...bridge.render.image_file import frame_file, is_multilayer, require_place, save_result
 from ...bridge.render.result_image import keep_result, result_image, show_progress
+from ...bridge.tasks.background import Work
+from ...bridge.tasks.task import Task
 from ...projection.user_error import Message, UserError
 from ..rig_data import require_cycles
 from .layer_passes import COMBINED
@@ -25,13 +27,16 @@ from .temporary_scene import TemporaryScene
 
 NOT_RENDERED = "{0} has written no picture: look at the system console for its reason"
 LOST = "The scene or the camera was deleted meanwhile: render again"
+# What a step asks for: a render by Blender, work in a thread, nothing after the last picture.
+Step = Literal["RENDER", "WORK", ""]
 
 
 class LayersJob:
     """Pictures with layers, one a frame. Call ``close`` in any case: the artist's scene is as before then.
 
     Between two steps it keeps names and numbers only. warnings: what the pictures do not show as asked.
-    written: the files. outcome: what was rendered, and in what time. engine: the name of what renders.
+    written: the files. outcome: what was rendered, and in what time. engine: the name of what renders. work:
+    what a thread is to do before the next step.
     """
 
     engine = "Cycles"
@@ -55,6 +60,7 @@ class LayersJob:
         self._frame_before, self._moved = (scene.frame_current, scene.frame_subframe), False
         self._begun, self._count = time.monotonic(), len(self._frames)
         self._done, self._text = 0, ""
+        self.work: Task[Any] | None = None
         self.warnings: list[str] = []
         self.written: list[str] = []
         self.outcome = ""
@@ -70,27 +76,33 @@ class LayersJob:
         passing = TemporaryScene(scene, view_layer)
         return passing, LayeredRender(passing)
 
-    def step(self) -> bool:
-        """Take what Blender has rendered, and prepare its next render; False after the last picture.
+    def step(self) -> Step:
+        """Take what Blender has rendered or a thread has done, and prepare the next of these.
 
         Raises USER_ERRORS. After any error only ``close`` is left to be called.
         """
         with all_or_nothing():
-            return self._next_render()
+            return self._next()
 
-    def _next_render(self) -> bool:
-        """Advance to the next render; False after the last picture. Raises USER_ERRORS."""
+    def _next(self) -> Step:
+        """Advance to the next render or work. Raises USER_ERRORS."""
+        self.work = None
         while self._render is not None or self._begin():
             assert self._render is not None
             try:
-                self._text = next(self._steps)
-                self._done += 1
-                return True
+                wanted = next(self._steps)
             except StopIteration:
                 self._deliver()
+                continue
             except OSError as error:
                 raise UserError(NOT_RENDERED, self.engine) from error
-        return False
+            if isinstance(wanted, Work):
+                self._text, self.work = wanted
+                return "WORK"
+            self._text = wanted
+            self._done += 1
+            return "RENDER"
+        return ""
 
     def render(self, in_window: bool) -> None:
         """Have Blender render: in a job of its own in a window, else at once. Raises UserError."""
@@ -103,8 +115,20 @@ class LayersJob:
             raise UserError("Blender does not render: {0}", reason) from error
 
     @property
+    def is_working(self) -> bool:
+        """Return whether a thread is still at work."""
+        return self.work is not None and self.work.running
+
+    @property
     def progress(self) -> Message:
-        """The name of the present render, for the status bar."""
+        """The name of the present render or work, for the status bar."""
+        if self.work is not None:
+            text = (
+                Message("{0}, {1:.0%}", self._text, self.work.progress) if self.work.progress else self._text
+            )
+            if self._count == 1:
+                return text
+            return Message("frame {0} of {1}, {2}", self._count - len(self._frames), self._count, text)
         total = self._render.total if self._render is not None else 0
         if self._count == 1:
             return Message("{0} ({1} of {2})", self._text, self._done, total)
@@ -121,7 +145,11 @@ class LayersJob:
 
     def _end_picture(self) -> None:
         passing, self._passing = self._passing, None
+        work, self.work = self.work, None
         try:
+            if work is not None:
+                work.cancel()
+                work.wait()
             if self._render is not None:
                 self._steps.close()
         finally:
@@ -209,8 +237,11 @@ def render_layers(context, camera, frames: Sequence[int] = (), path: str = "") -
 def all_at_once(job):
     """Do all steps of a job, and return it. Raises USER_ERRORS."""
     try:
-        while job.step():
-            job.render(in_window=False)
+        while wanted := job.step():
+            if wanted == "RENDER":
+                job.render(in_window=False)
+            else:
+                job.work.run()
     finally:
         job.close()
     return job

@@ -305,7 +305,7 @@ def test_anchors_of_a_moving_volume_stay(scene, jobs, addon, tmp_path, monkeypat
         return found
 
     monkeypatch.setattr(shots.Shot, "plan", noted_plan)
-    monkeypatch.setattr(addon("engines.anchored_render"), "completed_sets", noted_sets)
+    monkeypatch.setattr(addon("engines.picture_plan"), "completed_sets", noted_sets)
     jobs.render_anchors(bpy.context, camera, (1, 2, 3, 4), str(tmp_path / "frame_##.exr"))
     assert len(planned) == 1 and abs(planned[0][-1] - planned[0][0] - 0.3) < 1e-5
     assert all(len(one & other) > 0.7 * len(one) for one, other in pairwise(rendered))
@@ -341,7 +341,7 @@ def test_frames_use_a_kept_plan_where_nothing_moves(scene, jobs, addon, tmp_path
     def fails(*_):
         raise AssertionError("planned again")
 
-    for module in ("engines.anchored_render", "anchors.shot"):
+    for module in ("engines.picture_plan", "anchors.shot"):
         monkeypatch.setattr(addon(module), "plan_anchors", fails)
     jobs.render_anchors(bpy.context, camera, renderer="BLENDER_WORKBENCH")
     still = result()
@@ -359,12 +359,12 @@ def test_a_kept_plan_is_used_as_long_as_it_fits(scene, jobs, addon, monkeypatch)
     assert bpy.ops.scfpf.joined_plan(camera=camera.name) == {"FINISHED"}
     plan = addon("anchors.kept_plan").KeptPlan.read(camera.scfpf.anchor_plan)
     assert plan.size == (WIDTH, HEIGHT) and plan.shown > 0.99 and len(plan.anchors) > 3
-    rendering, planned = addon("engines.anchored_render"), []
+    rendering, planned = addon("engines.picture_plan"), []
     plan_anchors = rendering.plan_anchors
 
-    def noted(*everything):
+    def noted(*everything, **options):
         planned.append(True)
-        return plan_anchors(*everything)
+        return plan_anchors(*everything, **options)
 
     monkeypatch.setattr(rendering, "plan_anchors", noted)
     jobs.render_anchors(bpy.context, camera)
@@ -419,7 +419,7 @@ def aimed(addon, camera):
     return camera
 
 
-def from_screen(addon, camera):
+def from_screen(addon, camera, pop_out=False):
     """An eye before a window in the room, which renders do not show."""
     bpy.ops.mesh.primitive_plane_add(size=1.2, location=(0, 0, -0.6))
     screen = bpy.context.object
@@ -428,12 +428,21 @@ def from_screen(addon, camera):
     eye = bpy.context.object
     screen.select_set(True)
     bpy.context.view_layer.objects.active = screen
-    assert eye.select_get() and bpy.ops.scfpf.camera_from_screen(pop_out=False) == {"FINISHED"}
-    screen.hide_render = True
+    assert eye.select_get() and bpy.ops.scfpf.camera_from_screen(pop_out=pop_out) == {"FINISHED"}
+    screen.hide_render = not pop_out
     return bpy.context.object
 
 
-@pytest.mark.parametrize("kind", [mapped, polar, blended, aimed, from_screen])
+def popping_out(addon, camera):
+    """A screen in the picture, before which things stand that pop out of it."""
+    bpy.data.objects["Cube.002"].location = 0.05, 0.1, -0.4
+    bpy.data.objects["Cube.002"].scale = (0.1, 0.1, 0.1)
+    made = from_screen(addon, camera, True)
+    assert addon("bridge.volume.screens").screens_of(made)
+    return made
+
+
+@pytest.mark.parametrize("kind", [mapped, polar, blended, aimed, from_screen, popping_out])
 def test_every_kind_of_volume_is_joined(scene, jobs, addon, monkeypatch, kind):
     """Colours are positions: those of the engine's Position pass, within half a pixel but at edges."""
     quicken(addon, monkeypatch)
@@ -445,18 +454,7 @@ def test_every_kind_of_volume_is_joined(scene, jobs, addon, monkeypatch, kind):
     bpy.context.view_layer.update()
     jobs.render_anchors(bpy.context, camera)
     found = (result()[..., :3] - 0.5) * 16
-    inputs = addon("bridge.render.render_inputs")
-    reading = addon("bridge.scene.render_depsgraph").with_render_depsgraph
-    seen = reading(
-        scene,
-        bpy.context.view_layer,
-        lambda depsgraph: inputs.read_inputs(depsgraph, camera, (WIDTH, HEIGHT), passes=("POSITION",)),
-    )
-    frame = addon("shading.frame").render_frame(
-        seen.projection, seen.scene, replace(seen.settings, samples=1)
-    )
-    wanted = np.array(frame.passes["POSITION"], np.float64)[..., :3]
-    wanted[np.abs(wanted).max(axis=2) == 0.0] = np.nan
+    wanted = position_pass(scene, addon, camera)
     inner = ~edges(wanted)
     size = sum(np.linalg.norm(np.gradient(wanted, axis=axis), axis=2) for axis in (0, 1))
     off = np.linalg.norm(found - wanted, axis=2) / np.maximum(size, 1e-6)
@@ -464,12 +462,141 @@ def test_every_kind_of_volume_is_joined(scene, jobs, addon, monkeypatch, kind):
     assert (off[inner] < 0.5).mean() > 0.98
 
 
-def test_layers_are_refused_before_anything_is_rendered(scene, jobs, addon):
-    flexible(scene.camera, "perspective")
-    side = new_camera("Side", looking((3, 0, 3)))
-    flexible(side)
-    collected("Things", "Cube.001")
+def position_pass(scene, addon, camera, name="POSITION"):
+    """The engine's own Position pass (H, W, 3) by one sample, or another one, NaN where it shows nothing."""
+    inputs = addon("bridge.render.render_inputs")
+    reading = addon("bridge.scene.render_depsgraph").with_render_depsgraph
+    seen = reading(
+        scene,
+        bpy.context.view_layer,
+        lambda depsgraph: inputs.read_inputs(depsgraph, camera, (WIDTH, HEIGHT), passes=(name,)),
+    )
+    frame = addon("shading.frame").render_frame(
+        seen.projection, seen.scene, replace(seen.settings, samples=1)
+    )
+    wanted = np.array(frame.passes[name], np.float64)[..., :3]
+    wanted[np.abs(wanted).max(axis=2) == 0.0] = np.nan
+    return wanted
+
+
+def layered(scene, front="DEPTH", halo=0.0):
+    """One of the cubes is seen from its side, through a bent volume; a wall hides it from the camera."""
+    flexible(scene.camera, "inverted_perspective")
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(2.6, 0.0, 2.0))
+    bpy.context.object.name, bpy.context.object.scale = "Wall", (0.1, 3.0, 3.0)
+    bpy.context.object.data.materials.append(bpy.data.materials["Position"])
+    side = new_camera("Side", looking((3.4, 0.5, 3.0), (0.0, -1.5, 2.0)))
+    flexible(side, "deep_curvy_volume")
+    collected("Things", "Cube.001", "Cube.003")
     select_only(scene.camera)
-    add(front="DEPTH")
-    with pytest.raises(addon("projection.user_error").UserError, match="Layers are not joined"):
-        jobs.render_anchors(bpy.context, scene.camera)
+    layer = add(front=front)
+    layer.halo, layer.position = halo, (0.85, 0.5)
+    scene.camera.scfpf.samples = 1
+    bpy.context.view_layer.update()
+    return scene.camera
+
+
+def test_clear_layers_beside_cycles(scene, jobs):
+    """Half of what is behind a half clear thing of a layer shows through, as by Cycles' own layers."""
+    camera = layered(scene, "ORDER")
+    camera.scfpf.samples, scene.cycles.samples, scene.cycles.max_bounces = 4, 16, 8
+    scene.cycles.transparent_max_bounces = 8
+    clear = bpy.data.materials["Position"].copy()
+    tree = clear.node_tree
+    glow, output = (
+        next(node for node in tree.nodes if node.type == kind) for kind in ("EMISSION", "OUTPUT_MATERIAL")
+    )
+    mix, through = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    for one, other in (
+        (through.outputs[0], mix.inputs[1]),
+        (glow.outputs[0], mix.inputs[2]),
+        (mix.outputs[0], output.inputs["Surface"]),
+    ):
+        tree.links.new(one, other)
+    for name in ("Cube.001", "Cube.003"):
+        bpy.data.objects[name].active_material = clear
+    jobs.render_anchors(bpy.context, camera)
+    found = result()
+    assert bpy.ops.scfpf.layers_render(camera=camera.name) == {"FINISHED"}
+    wanted = result()
+    off, inner = np.abs(found - wanted).max(axis=2), ~edges(wanted[..., :3], 0.02)
+    assert inner.mean() > 0.4 and (off[inner] < 0.02).all() and off[inner].mean() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("front", "halo", "engine"),
+    [
+        ("DEPTH", 0.0, "CYCLES"),
+        ("ANCHOR", 0.0, "CYCLES"),
+        ("ORDER", 0.0, "CYCLES"),
+        ("ORDER", 0.7, "CYCLES"),
+        pytest.param("ORDER", 0.0, "EEVEE", marks=pytest.mark.once),
+    ],
+)
+def test_layers_are_joined(scene, jobs, addon, front, halo, engine):
+    """Each pixel shows what the engine's Position pass has, of the same layer; objects stay as they were."""
+    camera = layered(scene, front, halo)
+    if engine == "EEVEE":
+        # Instances belong to the layer of what makes them.
+        source = bpy.data.collections.new("Source")
+        source.objects.link(bpy.data.objects["Cube.003"])
+        empty = bpy.data.objects.new("Instances", None)
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", source, (0, 2.2, 0)
+        bpy.data.collections["Things"].objects.link(empty)
+        for collection in (bpy.data.collections["Things"], scene.collection):
+            collection.objects.unlink(bpy.data.objects["Cube.003"])
+        bpy.context.view_layer.update()
+    before = file_state()
+    scene.eevee.taa_render_samples = 1
+    renderer = engine if engine == "CYCLES" else addon("bridge.blender.versions").EEVEE
+    job = jobs.render_anchors(bpy.context, camera, renderer=renderer)
+    changes = [each for each in differences(before, file_state()) if not each.startswith("images")]
+    assert not changes
+    found = (result()[..., :3] - 0.5) * 16
+    wanted = position_pass(scene, addon, camera)
+    without = places(addon, camera)
+    inner, is_other = ~edges(wanted), ~(np.linalg.norm(wanted - without, axis=2) < 0.5)
+    size = sum(np.linalg.norm(np.gradient(wanted, axis=axis), axis=2) for axis in (0, 1))
+    off = np.linalg.norm(found - wanted, axis=2) / np.maximum(size, 1e-6)
+    assert inner.mean() > 0.1 and (inner & is_other).mean() > 0.02
+    assert (off[inner] < 0.5).mean() > 0.97
+    assert (off[inner & is_other] < 0.5).mean() > 0.97
+    assert not any("ayers" in str(text) for text in job.warnings)
+
+
+def test_layers_by_workbench(scene, jobs):
+    """Which knows no shadows of what its cameras miss: the warning says so, and all pixels have colors."""
+    camera = layered(scene)
+    scene.display.shading.light, scene.display.shading.color_type = "FLAT", "OBJECT"
+    for obj in scene.objects:
+        if obj.type == "MESH":
+            obj.color = (0, 1, 0, 1) if obj.name in ("Cube.001", "Cube.003") else (1, 0, 0, 1)
+    for engine, green in (("BLENDER_WORKBENCH", True), ("CYCLES", False)):
+        job = jobs.render_anchors(bpy.context, camera, renderer=engine)
+        named = [text for text in job.warnings if "shadows and reflections between layers" in str(text)]
+        assert bool(named) == green
+        if green:
+            image = result()[..., :3]
+    is_layer, is_rest = image[..., 1] > image[..., 0] + 0.3, image[..., 0] > image[..., 1] + 0.3
+    assert is_layer.mean() > 0.03 and is_rest.mean() > 0.03
+    # The position of the cube that is seen, which Cycles has shown.
+    cube = np.abs((result()[..., :3] - 0.5) * 16 - (0.0, -1.5, 2.0)).max(axis=2) < 0.8
+    assert (cube == is_layer).mean() > 0.99
+
+
+def test_layers_move(scene, jobs, addon, tmp_path):
+    """In an animation a layer's anchors are planned for the shot, and each frame shows its own place."""
+    camera = layered(scene, "ORDER")
+    side = bpy.data.objects["Side"]
+    for frame, x in ((1, 3.4), (20, 3.0)):
+        side.location.x = x
+        side.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 20
+    jobs.render_anchors(bpy.context, camera, (9, 12), str(tmp_path / "##.exr"))
+    found = (result()[..., :3] - 0.5) * 16
+    scene.frame_set(12)
+    wanted = position_pass(scene, addon, camera)
+    inner = ~edges(wanted)
+    size = sum(np.linalg.norm(np.gradient(wanted, axis=axis), axis=2) for axis in (0, 1))
+    off = np.linalg.norm(found - wanted, axis=2) / np.maximum(size, 1e-6)
+    assert inner.mean() > 0.1 and (off[inner] < 0.5).mean() > 0.97

@@ -169,6 +169,7 @@ JOBS = {
     "SCFPF_OT_layers_render": ("operators.layers.layer_render", [TIMER], CANCELED),
     "SCFPF_OT_look_behind": ("operators.layers.look_behind", [], "Look Behind canceled"),
     "SCFPF_OT_joined_render": ("operators.layers.layer_render", [TIMER], CANCELED),
+    "SCFPF_OT_joined_plan": ("operators.layers.layer_render", [TIMER], "Planning canceled"),
 }
 # It leaves nothing: it only waits for what becomes of a press.
 KEEPS_NOTHING = {"SCFPF_OT_live_select"}
@@ -198,7 +199,7 @@ def job(request, addon, monkeypatch):
     bpy.context.view_layer.objects.active = camera
     if name == "SCFPF_OT_aim_drag":
         camera.scfpf.aim.live = True
-    if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render"}:
+    if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render", "SCFPF_OT_joined_plan"}:
         scene.render.engine = "CYCLES"
         monkeypatch.setattr(addon("cycles.layers.layers_job").LayersJob, "render", lambda *_, **__: None)
     if name == "SCFPF_OT_distance_drag":
