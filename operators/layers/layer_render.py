@@ -257,7 +257,10 @@ class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
     def tick(self, context):
         if self._job.is_working:
             progress = self._job.work.progress
-            self.show(context, report_text("Flexible Projection: {0}, {1:.0%}    Esc: cancel", self._job.text, progress))
+            self.show(
+                context,
+                report_text("Flexible Projection: {0}, {1:.0%}    Esc: cancel", self._job.text, progress),
+            )
             return {"PASS_THROUGH"}
         if self._job.step():
             self._job.work.start()

@@ -16,7 +16,7 @@ from ..anchors.join import join_sky
 from ..anchors.kept_plan import KeptPlan
 from ..anchors.plan import PlanLimits, sky_anchors, sky_points
 from ..anchors.shot import LayeredShot
-from ..bridge.tasks.background import Work, in_background
+from ..bridge.tasks.background import AwaitedWork, in_background
 from ..bridge.tasks.task import Task
 from ..cycles.layers.pass_files import Pass, read_passes
 from ..projection.typing import BoolArray
@@ -38,7 +38,7 @@ JOINING = Message("joining the renders")
 SHADING = Message("rendering by Flexible Projection for passes and holes")
 
 # What steps yield: the name of a render for Blender, or work for a thread.
-Steps = Iterator[str | Work]
+Steps = Iterator[str | AwaitedWork]
 
 
 class AnchoredRender:
@@ -122,7 +122,7 @@ class AnchoredRender:
 
     def _planned(
         self, picture: ReadPicture, camera_uid: int, has_lens: bool
-    ) -> Generator[Work, None, PicturePlan]:
+    ) -> Generator[AwaitedWork, None, PicturePlan]:
         """Plan the picture. has_lens: whether depth of field is on. Raises USER_ERRORS."""
         layers = picture.inputs.image_layers
         self.warnings += layers.warnings_of(picture.inputs.scene.geometry, False)
@@ -134,7 +134,7 @@ class AnchoredRender:
 
     def _deliver(
         self, channels: Single, picture: ReadPicture, holes: BoolArray
-    ) -> Generator[Work, None, None]:
+    ) -> Generator[AwaitedWork, None, None]:
         """Make the picture and its passes of joined channels (H, W, C).
 
         holes: (H, W), what no anchor shows, which the engine colors unless the others leave out backs.

@@ -19,7 +19,7 @@ from ..bridge.blender.scene_objects import object_by_uid
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.instances import instances
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
-from ..bridge.tasks.background import Work, in_background
+from ..bridge.tasks.background import AwaitedWork, in_background
 from ..bridge.tasks.task import Task
 from ..casting.common.ray_visibility import CAMERA, visible_to
 from ..casting.scene.cast_scene import CastScene
@@ -129,7 +129,7 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None) -> Read
 
 def plan_picture_steps(
     passing: AnchorScene, camera_uid: int, picture: ReadPicture, shot: LayeredShot | None
-) -> Generator[Work, None, PicturePlan]:
+) -> Generator[AwaitedWork, None, PicturePlan]:
     """Plan the anchors of a picture, yielding what threads are to do. shot: of an animation.
 
     Raises USER_ERRORS.

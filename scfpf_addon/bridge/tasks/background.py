@@ -12,14 +12,14 @@ from .task import Task
 Result = TypeVar("Result")
 
 
-class Work(NamedTuple):
+class AwaitedWork(NamedTuple):
     """A task that is to be done before the next step. text: its name in the status bar."""
 
     text: str
     task: Task[Any]
 
 
-def in_background(text: str, work: Callable[[Task[Result]], Result]) -> Generator[Work, None, Result]:
+def in_background(text: str, work: Callable[[Task[Result]], Result]) -> Generator[AwaitedWork, None, Result]:
     """Yield work for the caller to do, in a thread or at once (``Task.run``); return its result.
 
     work: a function of its task, on arrays only, which ends early if that is cancelled. Raises its
@@ -31,7 +31,8 @@ def in_background(text: str, work: Callable[[Task[Result]], Result]) -> Generato
             return work(task)
 
     task = Task(watched, "SCFPF work between renders")
-    yield Work(text, task)
+    yield AwaitedWork(text, task)
     result = task.result()
-    assert result is not None, "cancelled work is not gone on with"
+    # A caller that cancels the work closes the iterator.
+    assert result is not None
     return result

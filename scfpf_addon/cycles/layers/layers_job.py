@@ -16,7 +16,7 @@ from ...bridge.blender.user_errors import USER_ERRORS, reason
 from ...bridge.render.command_line import CYCLES_RENDERS
 from ...bridge.render.image_file import frame_file, is_multilayer, require_place, save_result
 from ...bridge.render.result_image import keep_result, result_image, show_progress
-from ...bridge.tasks.background import Work
+from ...bridge.tasks.background import AwaitedWork
 from ...bridge.tasks.task import Task
 from ...projection.user_error import Message, UserError
 from ..rig_data import require_cycles
@@ -96,7 +96,7 @@ class LayersJob:
                 continue
             except OSError as error:
                 raise UserError(NOT_RENDERED, self.engine) from error
-            if isinstance(wanted, Work):
+            if isinstance(wanted, AwaitedWork):
                 self._text, self.work = wanted
                 return "WORK"
             self._text = wanted

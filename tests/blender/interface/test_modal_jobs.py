@@ -202,6 +202,10 @@ def job(request, addon, monkeypatch):
     if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render", "SCFPF_OT_joined_plan"}:
         scene.render.engine = "CYCLES"
         monkeypatch.setattr(addon("cycles.layers.layers_job").LayersJob, "render", lambda *_, **__: None)
+    if "joined" in name:
+        # Many anchors, which a thread plans.
+        bpy.ops.scfpf.preset_apply(preset="inverted_perspective")
+        scene.render.resolution_x, scene.render.resolution_y = 320, 180
     if name == "SCFPF_OT_distance_drag":
         camera.data.type, camera.data.clip_start = "PERSP", 0.1
         bpy.ops.scfpf.by_distance()
