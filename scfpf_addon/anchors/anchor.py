@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..projection.arrays import transform
 from ..projection.typing import Array, BoolArray, IndexArray
+
+# A near plane is this share of the distance before a box.
+STEP_BACK = 0.01
 
 
 class Window(NamedTuple):
@@ -114,3 +117,33 @@ class Anchor:
             return begin, way
         way = transform(axes, np.stack([across, up, -ones]))
         return self.eye[:, None] + way * self.start, way
+
+    def cuts(self, boxes: Array) -> BoolArray:
+        """Return which boxes, corners (K, 8, 3), the near plane cuts that reach into the view, (K,)."""
+        places = self.places(boxes.reshape(-1, 3).T)
+        across, up, depth = (each.reshape(-1, 8) for each in places)
+        within: BoolArray = (depth.min(axis=1) < self.start) & (depth.max(axis=1) > self.start)
+        if self.is_parallel:
+            for place, side in ((across, self.size[0]), (up, self.size[1])):
+                within &= (place.max(axis=1) > 0.0) & (place.min(axis=1) < side)
+        return within
+
+    def before(self, boxes: Array) -> Anchor:
+        """The anchor with a near plane before boxes (K, 8, 3) that it cuts, as far as its eye is."""
+        anchor = self
+        for _ in boxes:
+            which = anchor.cuts(boxes)
+            depth = anchor.places(boxes[which].reshape(-1, 3).T).depth
+            if anchor.is_parallel and len(depth):
+                # The camera stands farther back.
+                step = (anchor.start - float(depth.min())) * (1.0 + STEP_BACK)
+                matrix = anchor.matrix.copy()
+                matrix[:3, 3] += step * matrix[:3, 2]
+                anchor = replace(anchor, matrix=matrix, end=anchor.end + step)
+                continue
+            depth = depth.reshape(-1, 8).min(axis=1)
+            depth = depth[depth > 0.0]
+            if not len(depth):
+                break
+            anchor = replace(anchor, start=float(depth.min()) * (1.0 - STEP_BACK))
+        return anchor

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..casting.common.cancellation import raise_if_cancelled
 from ..casting.tiles import TileJob, run_tiles
-from ..projection.typing import Array
+from ..projection.typing import Array, IndexArray
 from ..shading.typing import Single
 from .anchor import Anchor
 from .seen_scene import SeenScene
@@ -119,3 +119,16 @@ def placed(anchor: Anchor, position: Array) -> Placed:
     across = (flat[0] - np.float32(anchor.window.left)) / texel - np.float32(0.5)
     up = (flat[1] - np.float32(anchor.window.bottom)) / texel - np.float32(0.5)
     return Placed(across, up, depth, slope, side)
+
+
+def nearest_pixels(view: AnchorView, position: Array) -> tuple[IndexArray, Single, Single]:
+    """The pixels, as flat indices (n,), nearest to world points (3, n).
+
+    Also by how many sides of a pixel what they show lies behind the points, and these behind the near plane.
+    """
+    anchor = view.anchor
+    at = placed(anchor, position)
+    column = np.clip(np.rint(at.across).astype(np.intp), 0, anchor.size[0] - 1)
+    row = np.clip(np.rint(at.up).astype(np.intp), 0, anchor.size[1] - 1)
+    ahead: Single = (view.depth[row, column] - at.depth) / at.side
+    return row * anchor.size[0] + column, ahead, (at.depth - np.float32(anchor.start)) / at.side

@@ -343,6 +343,7 @@ class Cover:
 
     def __init__(self, scenes: Sequence[SeenScene], size: tuple[int, int], limits: PlanLimits) -> None:
         self._scenes, self._size, self._limits = scenes, size, limits
+        self._whole = np.concatenate([scene.whole for scene in scenes])
 
     def serving(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
         """The anchors that add enough to each other for points (N,) to be rendered on."""
@@ -419,11 +420,18 @@ class Cover:
             best.is_checked = True
             gains[first] = np.count_nonzero(best.sees & left) / costs[first]
 
+    def _framed(self, matrix: Array, points: ShownPoints, is_parallel: bool) -> Anchor | None:
+        """The anchor at a place for points (N,); None for an endless one."""
+        anchor = _framed(matrix, points, self._size, self._limits, is_parallel)
+        if anchor is not None and len(self._whole):
+            anchor = anchor.before(self._whole)
+        return anchor
+
     def _trimmed(self, best: _Candidate, points: ShownPoints, gain: BoolArray) -> Anchor:
         """The anchor with a window around what it adds."""
         own = points.take(np.flatnonzero(gain))
         anchor = best.anchor
-        framed = _framed(anchor.matrix, own, self._size, self._limits, anchor.is_parallel)
+        framed = self._framed(anchor.matrix, own, anchor.is_parallel)
         assert framed is not None
         # Its pixels are as small as they were promised to be.
         if framed.texel > anchor.texel:
@@ -444,7 +452,7 @@ class Cover:
             near = is_parallel or (depth > 0.0).all()
             if not near or (not is_parallel and np.abs(turned[:2] / depth).max() > WIDEST):
                 continue
-            anchor = _framed(matrix, own, self._size, self._limits, is_parallel)
+            anchor = self._framed(matrix, own, is_parallel)
             if anchor is None or anchor.count > 4 * self._size[0] * self._size[1]:
                 continue
             sees = serves(anchor, points, self._limits)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..projection.volume.viewing_volume import ImageLayer, Projection
 from ..shading.typing import Single
+from .stand_ins import NO_BOXES, StandIns
 
 # Backs that a ray passes, at most: what lies behind more is seen as the last of them.
 MOST_PASSED = 64
@@ -52,12 +53,29 @@ class SeenScene:
 
     one_sided: (T,), the faces that are seen from the front only; None if all are seen from both sides.
     is_empty: whether nothing of the scene is seen. halo: of a layer, whose projectors pass what is beyond it.
+    bare: the scene without stand-ins for what has no faces; None if it has none. whole: see ``StandIns``.
     """
 
     scene: CastScene
     one_sided: BoolArray | None = None
     is_empty: bool = False
     halo: Halo | None = None
+    bare: SeenScene | None = None
+    whole: Array = field(default_factory=lambda: NO_BOXES)
+
+    def with_stand_ins(self, faces: StandIns | None) -> SeenScene:
+        """The scene and faces, whose numbers come after its own, that stand for what has none."""
+        if faces is None:
+            return self
+        scene, count = self.scene, len(faces.triangles)
+        vertices = scene.vertices.T / scene.scale + scene.centre
+        triangles = np.concatenate([scene.triangles, faces.triangles + np.int32(len(vertices))])
+        shown = np.zeros_like(scene.usable) if self.is_empty else scene.usable
+        usable = np.concatenate([shown, np.ones(count, bool)])
+        whole = CastScene(np.concatenate([vertices, faces.vertices]), triangles).only(usable)
+        assert whole is not None
+        one_sided = None if self.one_sided is None else np.append(self.one_sided, np.zeros(count, bool))
+        return SeenScene(whole, one_sided, bare=self, whole=faces.whole)
 
     @cached_property
     def two_sided(self) -> CastScene | None:

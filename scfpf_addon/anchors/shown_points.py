@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.common.hits import Hits
 from ..casting.curves.sampled_curves import MOST_SQUEEZE, across, pixel_widths
+from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection, image_derivatives
 from .seen_scene import SeenScene
@@ -46,6 +48,11 @@ class ShownPoints(NamedTuple):
         return ShownPoints._make(each.take(which, -1) for each in self)
 
 
+def from_all_sides(points: ShownPoints) -> ShownPoints:
+    """The points without normals: anchors show strokes and hair from all sides."""
+    return points._replace(normal=np.zeros_like(points.normal))
+
+
 def joined_points(parts: Sequence[ShownPoints]) -> ShownPoints:
     """The points of one or more parts as one, in their order."""
     return ShownPoints._make(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True))
@@ -63,8 +70,19 @@ def shown_points(
 
     projection: in world space. pixel_size, pixel_error: as for ``cast``. Raises CastError.
     """
-    scene = seen.scene
     hits = seen.first_hits(projection, x, y, pixel_size, pixel_error)
+    return points_of(seen.scene, projection, hits, x, y, pixel_size)
+
+
+def points_of(
+    scene: CastScene,
+    projection: Projection,
+    hits: Hits,
+    x: Array,
+    y: Array,
+    pixel_size: tuple[float, float],
+) -> ShownPoints:
+    """The points that hits (N,) of a scene show at image positions x, y (N,). See ``shown_points``."""
     kept = np.flatnonzero(hits.mask)
     t, triangle = hits.t.take(kept), hits.triangle.take(kept).astype(np.int64)
     is_hit = triangle >= 0

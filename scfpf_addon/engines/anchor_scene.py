@@ -81,7 +81,7 @@ class AnchorScene:
         except TypeError as error:
             raise UserError("There is no render engine '{0}': choose another", engine) from error
         self.left_out = left_out(copy)
-        self.passes = AnchorPasses(layer)
+        self.passes, self._has_strokes = AnchorPasses(layer), layer.use_grease_pencil
         # The names of passes in files end at dots.
         layer.name = layer.name.replace(".", "_")
         render.use_multiview = render.use_sequencer = render.use_compositing = False
@@ -134,6 +134,8 @@ class AnchorScene:
         render.resolution_x, render.resolution_y = anchor.size
         render.use_motion_blur = False
         render.filter_size, scene.display.render_aa = POINT, "OFF"
+        strokes = scene.grease_pencil_settings
+        strokes.antialias_threshold_render, strokes.aa_samples = 0.0, 1
         if hasattr(scene, "cycles"):
             scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", POINT
 
@@ -175,6 +177,11 @@ class AnchorScene:
                     setattr(obj, name, value)
             if self.scene is not None:
                 self.scene.render.film_transparent = is_transparent
+
+    def show_faceless(self, strokes: bool) -> None:
+        """Let renders have depths. strokes: whether they show Grease Pencil, if the artist's picture does."""
+        layer = self._present().view_layers[0]
+        layer.use_pass_z, layer.use_grease_pencil = True, strokes and self._has_strokes
 
     def kept(self, values: Single) -> Single:
         """Move values into a file that the system maps into memory as needed, for pictures are many."""

@@ -29,7 +29,7 @@ from .joined_tiles import Pictures, joined_pixels
 from .picture_plan import PicturePlan, ReadPicture, plan_picture_steps, read_picture
 from .render_times import TakenTime, note_time
 
-COMBINED = "Combined"
+COMBINED, DEPTH = "Combined", "Depth"
 # The largest radiance that is taken from an engine's pixels.
 LARGEST = 1e6
 BACKS = "Data passes show the backs of faces that the other engine leaves out"
@@ -93,10 +93,18 @@ class AnchoredRender:
         if shows_sky and not plan.is_one_eye:
             sky = sky_anchors(rest.part.scene, rest.part.projection, size, picture.axes, PlanLimits())
         self.total = plan.count + len(sky)
-        for part, pictures in plan.parts:
+        for part, pictures, _faces in plan.parts:
             for view in pictures.views:
-                color = yield from self._rendered(view.anchor, part)
+                seen = part.scene
+                if seen.bare is not None:
+                    # One eye sees strokes in front of the right things also where their depth is lost.
+                    lacks = not plan.is_one_eye and bool(view.anchor.cuts(seen.whole).any())
+                    pictures.lack.append(lacks)
+                    self._passing.show_faceless(strokes=not lacks)
+                color, depth = yield from self._rendered(view.anchor, part)
                 pictures.colors.append(color)
+                if seen.bare is not None and depth is not None:
+                    pictures.depths.append(depth)
         # Beyond the far surface an anchor may see things where the picture shows the sky.
         if shows_sky and plan.is_one_eye:
             sky = lacking_sky(rest.part, picture, rest.pictures)
@@ -106,7 +114,7 @@ class AnchoredRender:
         nothing = (np.full(anchor.size[::-1], np.inf, np.float32) for anchor in sky)
         worlds = Pictures([AnchorView(*each) for each in zip(sky, nothing, strict=True)])
         for anchor in sky:
-            color = yield from self._rendered(anchor)
+            color, _depth = yield from self._rendered(anchor)
             worlds.colors.append(color)
         note_time(self._passing.engine, self._taken)
 
@@ -126,7 +134,7 @@ class AnchoredRender:
         """Plan the picture. has_lens: whether depth of field is on. Raises USER_ERRORS."""
         layers = picture.inputs.image_layers
         self.warnings += layers.warnings_of(picture.inputs.scene.geometry, False)
-        self.warnings += cautions(self._passing.scene, self._passing.left_out, has_lens, bool(layers.layers))
+        self.warnings += cautions(self._passing.scene, self._passing.left_out, has_lens, layers.members)
         self._passing.members, self._passing.instancers = layers.members, picture.instancers
         plan = yield from plan_picture_steps(self._passing, camera_uid, picture, self._shot)
         self.plan = plan.kept
@@ -158,8 +166,13 @@ class AnchoredRender:
         self.passes = passes.passes(channels, frame)
         self.warnings += passes.warnings
 
-    def _rendered(self, anchor: Anchor, part: ImagePart | None = None) -> Generator[str, None, Single]:
-        """Render an anchor of a part and return its colours and passes (H, W, C), which are in a file."""
+    def _rendered(
+        self, anchor: Anchor, part: ImagePart | None = None
+    ) -> Generator[str, None, tuple[Single, Single | None]]:
+        """Render an anchor of a part and return its colours and passes (H, W, C), which are in a file.
+
+        Also its depths (H, W) if there are any.
+        """
         self._passing.look_through(anchor)
         begun = time.monotonic()
         number, has_halo = (0, False) if part is None else (part.number, part.scene.halo is not None)
@@ -167,10 +180,13 @@ class AnchoredRender:
             yield Message("{0} × {1}", *anchor.size)
         renders, pixels, seconds = self._taken
         self._taken = TakenTime(renders + 1, pixels + anchor.count, seconds + time.monotonic() - begun)
-        color = self._passing.passes.channels(read_passes(self._passing.path, (COMBINED,)))
+        found = read_passes(self._passing.path, (COMBINED,))
+        depth = found.pop(DEPTH, None)
+        color = self._passing.passes.channels(found)
         # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
         np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
-        return self._passing.kept(color)
+        kept = self._passing.kept
+        return kept(color), None if depth is None else kept(np.ascontiguousarray(depth.values[..., 0]))
 
 
 def _tell(task: Task, share: float) -> None:

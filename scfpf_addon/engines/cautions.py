@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from ..bridge.blender import versions
 from ..bridge.blender.shader_nodes import output_shaders
@@ -19,9 +19,13 @@ LEFT_OUT_SETTINGS = {
     "use_border": "the border, the whole picture is rendered",
     "use_multiview": "stereoscopy, this is one view",
 }
-# Without faces, which the caster would meet.
+# Without faces, which the caster would meet, and without depth.
 AS_IT_COMES = "Shown only where an ordinary render has it in front of faces, not along projectors: {0}"
-FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points", "VOLUME": "smoke"}
+SMOKE = "smoke"
+# Those that have a depth, but in image layers are shown as they come.
+FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "points"}
+# Colours of several things in one pixel.
+SOFT = "Soft and clear parts have what is behind them in an ordinary render: {0}"
 # Found by each render in its own picture.
 BY_SCREEN = "Seen by each ordinary render in its own picture only, it may change where they meet: {0}"
 
@@ -38,41 +42,54 @@ def left_out(scene) -> list[str]:
     return found
 
 
-def cautions(scene, settings_left_out: list[str], has_lens: bool, has_layers: bool = False) -> list[Message]:
+def cautions(
+    scene, settings_left_out: list[str], has_lens: bool, members: Mapping[int, int] | None = None
+) -> list[Message]:
     """What a scene's joined picture does not show as the scene says.
 
     settings_left_out: what ``left_out`` has found in the artist's scene. has_lens: whether depth of field is
-    on. has_layers: whether the picture has image layers.
+    on. members: the numbers of image layers by session id of objects; None without any.
     """
     missing = [*settings_left_out, *(["depth of field"] if has_lens else [])]
-    if has_layers and scene.render.engine not in {versions.EEVEE, CYCLES}:
+    if members and scene.render.engine not in {versions.EEVEE, CYCLES}:
         missing.append("shadows and reflections between layers")
-    faceless, by_screen = sorted({*_faceless(scene)}), [*_by_screen(scene)]
+    by_screen = [*_by_screen(scene)]
+    shown = [obj for obj in rendered_objects(scene.view_layers[0]) if not obj.hide_render]
+    faceless = {SMOKE} if _has_smoke(scene, shown) else set()
+    soft: set[str] = set()
+    for obj in shown:
+        is_in_layer = bool(members and members.get(obj.session_uid))
+        (faceless if is_in_layer else soft).update(_faceless(obj))
     found = []
     if missing:
         found.append(Message(LEFT_OUT, ", ".join(missing)))
     if faceless:
-        found.append(Message(AS_IT_COMES, ", ".join(faceless)))
+        found.append(Message(AS_IT_COMES, ", ".join(sorted(faceless))))
+    if FACELESS["GREASEPENCIL"] in soft:
+        found.append(Message(SOFT, FACELESS["GREASEPENCIL"]))
     if by_screen:
         found.append(Message(BY_SCREEN, ", ".join(by_screen)))
     return found
 
 
-def _faceless(scene) -> Iterator[str]:
-    """What has no faces in a scene's view layer."""
+def _has_smoke(scene, shown: Iterable) -> bool:
+    """Return whether a scene's world, or one of the objects that it shows, is smoke or mist."""
     world = scene.world
     if world is not None and versions.uses_nodes(world) and any(output_shaders(world.node_tree, "Volume")):
-        yield FACELESS["VOLUME"]
-    for obj in rendered_objects(scene.view_layers[0]):
-        if obj.hide_render:
-            continue
-        if obj.type in FACELESS:
-            yield FACELESS[obj.type]
-        if any(_has_volume(slot.material) for slot in obj.material_slots):
-            yield FACELESS["VOLUME"]
-        for system in obj.particle_systems:
-            if system.settings.render_type == "PATH":
-                yield FACELESS["CURVES"]
+        return True
+    return any(
+        obj.type == "VOLUME" or any(_has_volume(slot.material) for slot in obj.material_slots)
+        for obj in shown
+    )
+
+
+def _faceless(obj) -> Iterator[str]:
+    """What an object shows that has no faces."""
+    if obj.type in FACELESS:
+        yield FACELESS[obj.type]
+    for system in obj.particle_systems:
+        if system.settings.render_type == "PATH":
+            yield FACELESS["CURVES"]
 
 
 def _has_volume(material) -> bool:

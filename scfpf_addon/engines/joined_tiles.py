@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..anchors.anchor_view import AnchorView, ViewSet
+from ..anchors.anchor_view import AnchorView, ViewSet, traced_views
+from ..anchors.depth_faces import DepthFaces
 from ..anchors.image_parts import ImagePart
 from ..anchors.join import join, join_sky
 from ..anchors.plan import PlanLimits
@@ -26,11 +27,17 @@ LEAST_LEFT = 1.0 / 65535.0
 
 @dataclass
 class Pictures:
-    """The pictures of anchors. sets: of the views. colors: (H, W, C) float32 each, row 0 at the bottom."""
+    """The pictures of anchors. sets: of the views. colors: (H, W, C) float32 each, row 0 at the bottom.
+
+    depths, lack: of each if there are things without faces, else none: (H, W) along its axis, and whether
+    it may lack some of these things.
+    """
 
     views: list[AnchorView]
     sets: list[ViewSet] = field(default_factory=list)
     colors: list[Single] = field(default_factory=list)
+    depths: list[Single] = field(default_factory=list)
+    lack: list[bool] = field(default_factory=list)
 
 
 class JoinedPart(NamedTuple):
@@ -38,6 +45,30 @@ class JoinedPart(NamedTuple):
 
     part: ImagePart
     pictures: Pictures
+    faces: DepthFaces | None = None
+
+    def with_faces(self, threads: int) -> JoinedPart:
+        """The part without stand-ins, with faces made of what renders show instead."""
+        bare, pictures = self.part.scene.bare, self.pictures
+        if bare is None:
+            return self
+        views = traced_views(bare, [view.anchor for view in pictures.views], threads)
+        faces = DepthFaces.of(bare, views, pictures.depths, pictures.lack)
+        pictures.views = views if faces is None else faces.views
+        return JoinedPart(replace(self.part, scene=bare), pictures, faces)
+
+    def points(self, x: Array, y: Array, pixel_size: tuple[float, float], pixel_error: float) -> ShownPoints:
+        """The points that the part shows at image positions (N,). See ``shown_points``."""
+        if self.faces is None:
+            return self.part.points(x, y, pixel_size, pixel_error)
+        return self.faces.shown_points(self.part.projection, x, y, pixel_size, pixel_error)
+
+    def colors(self, points: ShownPoints, angle: float) -> tuple[Single, BoolArray]:
+        """The colours (n, C) of some of these points, and which have none, (n,). See ``join``."""
+        pictures = self.pictures
+        if self.faces is None:
+            return join(points, pictures.views, pictures.sets, pictures.colors, angle)
+        return self.faces.colors(points, pictures.sets, pictures.colors, angle)
 
 
 def joined_pixels(
@@ -85,7 +116,8 @@ class _Joining:
 
     def __init__(self, inputs: RenderInputs, parts: Sequence[JoinedPart], worlds: Pictures) -> None:
         self._settings, self._layers = inputs.settings, inputs.projection.layers
-        self._parts, self._worlds, self._angle = parts, worlds, PlanLimits().angle
+        self._parts = [part.with_faces(inputs.settings.threads) for part in parts]
+        self._worlds, self._angle = worlds, PlanLimits().angle
         self._pixel_size = 1.0 / self._settings.width, 1.0 / self._settings.height
         pictures = [picture for each in parts for picture in each.pictures.colors]
         self.channels = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
@@ -93,15 +125,14 @@ class _Joining:
     def sample(self, x: Array, y: Array) -> tuple[Single, BoolArray]:
         """The channels (N, C) at image positions (N,), 0 where no anchor shows them, and where that is."""
         count, error = len(x), self._settings.pixel_error
-        points = [each.part.points(x, y, self._pixel_size, error) for each in self._parts]
+        points = [each.points(x, y, self._pixel_size, error) for each in self._parts]
         things = [each.take(np.flatnonzero(each.is_hit)) for each in points]
         color, lacks = np.zeros((count, self.channels), np.float32), np.zeros(count, bool)
         # What the things in front leave of each sample.
         left = np.ones(count, np.float32)
         for place, which in self._from_front(count, things):
             seen = things[place].take(which[left[things[place].number[which]] > LEAST_LEFT])
-            pictures = self._parts[place].pictures
-            own, is_hole = join(seen, pictures.views, pictures.sets, pictures.colors, self._angle)
+            own, is_hole = self._parts[place].colors(seen, self._angle)
             color[seen.number] += own * left[seen.number, None]
             lacks[seen.number] |= is_hole
             # Behind the rest there is nothing: its pictures have the sky.

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..anchors.image_parts import ImagePart, image_parts
 from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import plan_anchors
 from ..anchors.shot import LayeredShot, LookedAt, completed_sets
+from ..anchors.stand_ins import StandIns
 from ..bridge.blender.scene_objects import object_by_uid
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.instances import instances
@@ -28,6 +29,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.user_error import Message, UserError
 from .anchor_scene import AnchorScene
 from .backface_culling import one_sided
+from .faceless import read_stand_ins
 from .joined_tiles import JoinedPart, Pictures
 
 # What of a geometry rays meet.
@@ -43,13 +45,15 @@ class ReadPicture(NamedTuple):
     """What a plan is made from: arrays only.
 
     inputs: of the picture. axes: (3, 3), right, up and back of its camera. one_sided: see ``SeenScene``.
-    instancers: session ids of the objects that instance others, if the picture has layers.
+    instancers: session ids of the objects that instance others, if the picture has layers. stand_ins: of what
+    the rest shows that has no faces, None if nothing.
     """
 
     inputs: RenderInputs
     axes: Array
     one_sided: BoolArray | None
     instancers: frozenset[int]
+    stand_ins: StandIns | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -60,7 +64,8 @@ class ReadPicture(NamedTuple):
     def made_for(self) -> str:
         """The digest of what a plan depends on."""
         there = self.inputs.scene.geometry
-        arrays = visible_to(there.visibility, CAMERA), there.image_layer, self.one_sided
+        stands = self.stand_ins and self.stand_ins.vertices
+        arrays = visible_to(there.visibility, CAMERA), there.image_layer, self.one_sided, stands
         return digest(there.vertices, there.triangles, arrays, self.inputs.projection, self.size)
 
     @property
@@ -72,7 +77,8 @@ class ReadPicture(NamedTuple):
         found = image_parts(scene, shown, self.one_sided, there.image_layer, self.inputs.projection)
         if not found:
             raise UserError(NOTHING)
-        return found
+        rest = replace(found[0], scene=found[0].scene.with_stand_ins(self.stand_ins))
+        return [rest, *found[1:]]
 
     def has_shape_of(self, other: ReadPicture) -> bool:
         """Return whether rays meet the same things as in another picture."""
@@ -81,6 +87,7 @@ class ReadPicture(NamedTuple):
             for name in SHAPE
         ]
         pairs.append((self.one_sided, other.one_sided))
+        pairs.append(tuple(each.stand_ins and each.stand_ins.vertices for each in (self, other)))
         if self.inputs.projection.layers or other.inputs.projection.layers:
             return False
         return all((one is other) or np.array_equal(one, other) for one, other in pairs)
@@ -118,13 +125,16 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None) -> Read
         turn = camera.evaluated_get(depsgraph).matrix_world.to_quaternion().to_matrix()
         keys = (each.key for each in instances(depsgraph)) if inputs.projection.layers else ()
         instancers = frozenset(key.owner_uid for key in keys if key.owner_uid != key.uid)
+        stand_ins = read_stand_ins(depsgraph, inputs.image_layers.members)
         if frame is not None:
             set_frame(present, subframe=0.0)
-        return inputs, np.array(turn, np.float64), instancers
+        return inputs, np.array(turn, np.float64), instancers, stand_ins
 
-    inputs, axes, instancers = with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
+    inputs, axes, instancers, stand_ins = with_render_depsgraph(
+        scene, scene.view_layers[0], read, with_time=True
+    )
     names, material = inputs.scene.material_names, inputs.scene.geometry.material
-    return ReadPicture(inputs, axes, one_sided(scene, names, material), instancers)
+    return ReadPicture(inputs, axes, one_sided(scene, names, material), instancers, stand_ins)
 
 
 def plan_picture_steps(

@@ -7,6 +7,7 @@ import pytest
 from layer_scenes import flexible
 
 LEFT_OUT, AS_IT_COMES, BY_SCREEN = "Left out of pictures", "in front of faces", "where they meet"
+SOFT = "Soft and clear parts"
 
 
 def link(data):
@@ -81,10 +82,7 @@ CASES = {
     "depth of field": (lens, LEFT_OUT),
     "glare or bloom": (compositor, LEFT_OUT),
     "the sequencer": (sequencer, LEFT_OUT),
-    "Grease Pencil": (strokes, AS_IT_COMES),
-    "hair": (lambda scene: link(bpy.data.hair_curves.new("Hair")), AS_IT_COMES),
-    "hair, by particles": (particle_hair, AS_IT_COMES),
-    "points": (lambda scene: link(bpy.data.pointclouds.new("Points")), AS_IT_COMES),
+    "Grease Pencil": (strokes, SOFT),
     "smoke": (lambda scene: link(bpy.data.volumes.new("Smoke")), AS_IT_COMES),
     "smoke, by material": (smoke_domain, AS_IT_COMES),
     "smoke, of the world": (mist, AS_IT_COMES),
@@ -127,6 +125,19 @@ def test_each_is_named_before_rendering(scene, addon, name):
     switch(scene)
     (warning,) = planned(addon, scene)
     assert says in warning and name.split(",")[0] in warning
+
+
+@pytest.mark.parametrize("kind", ["hair_curves", "pointclouds", "particles"])
+def test_what_has_depth_is_not_named(scene, addon, kind):
+    """But in layers, which are shown as they come."""
+    if kind == "particles":
+        particle_hair(scene)
+        thing = bpy.data.objects["Cube"]
+    else:
+        thing = link(getattr(bpy.data, kind).new("Things"))
+    assert planned(addon, scene) == []
+    found = addon("engines.cautions").cautions(scene, [], False, {thing.session_uid: 1})
+    assert len(found) == 1 and AS_IT_COMES in str(found[0])
 
 
 def test_what_is_hidden_is_not_named(scene, addon):
