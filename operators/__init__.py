@@ -23,7 +23,7 @@ from .camera import (
 )
 from .common import modal_job
 from .image import find, pick, quilt, render, render_job_export, time_render, video_projector
-from .layers import layer_check, layer_drag, layer_list, layer_render, look_behind
+from .layers import layer_check, layer_drag, layer_list, layer_render, look_behind, tiles_render
 from .volume import attention, by_distance, framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
@@ -66,6 +66,7 @@ MODULES = (
     layer_drag,
     layer_check,
     layer_render,
+    tiles_render,
     look_behind,
     render_job_export,
 )

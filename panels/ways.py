@@ -41,6 +41,9 @@ def draw_ways(layout, context, camera) -> None:
         row.operator("scfpf.joined_plan", text="", icon="PRESET"),
     ):
         found.camera, found.engine = camera.name, "EEVEE" if is_eevee else "SCENE"
+    if scene.render.use_multiview and scene.render.views_format == "STEREO_3D":
+        eyes = column.operator("scfpf.eyes_joined", icon="CAMERA_STEREO")
+        eyes.camera, eyes.engine = camera.name, "EEVEE" if is_eevee else "SCENE"
     row = column.row(align=True)
     row.operator("scfpf.quilt", text="Quilt")
     row.operator("scfpf.time_render", text="Over Time")

@@ -11,12 +11,11 @@ from mathutils import Matrix
 from ...scfpf_addon.bridge.blender.all_or_nothing import keep
 from ...scfpf_addon.bridge.camera.flexible_camera import NewSurface, make_flexible, replace_surfaces
 from ...scfpf_addon.projection.user_error import UserError
+from ...scfpf_addon.projection.volume.spherical_stereo import COLUMNS, ROWS, SphericalStereo
 from ..common.scene_box import scene_boxes
 from ..common.target import poll_object_mode, poll_scene
 from ..common.tool import Action, select_only, show_in_local_view, wholly_made
 
-# Points of the surfaces round the head, and from pole to pole.
-AROUND, UPWARDS = 257, 129
 # Names as Blender's Multi-View looks for them, with the side on which each eye is.
 EYES = {"VR_L": -1.0, "VR_R": 1.0}
 # The far surface is at least this far off, and this many times as far as the end of the scene.
@@ -108,27 +107,18 @@ class SCFPF_OT_vr_pair(Action, bpy.types.Operator):
         )
 
     def _surfaces(self, side: float, reach: float):
-        """The points (rows, columns, 3) of an eye's places, and those at which its projectors end.
-
-        Formulas: ``spherical_stereo_transform`` in Cycles' ``kernel/camera/projection.h``.
-        """
+        """The points (rows, columns, 3) of an eye's places, and those at which its projectors end."""
         azimuth, elevation = np.meshgrid(
-            np.linspace(-math.pi, math.pi, AROUND), np.linspace(-math.pi / 2, math.pi / 2, UPWARDS)
+            np.linspace(-math.pi, math.pi, COLUMNS), np.linspace(-math.pi / 2, math.pi / 2, ROWS)
         )
         direction = np.stack(
-            [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), -np.cos(azimuth) * np.cos(elevation)],
-            axis=-1,
+            [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), -np.cos(azimuth) * np.cos(elevation)]
         )
-        rightwards = np.stack([np.cos(azimuth), np.zeros_like(azimuth), np.sin(azimuth)], axis=-1)
-        merged = max(self.merge_to - self.merge_from, np.finfo(np.float32).eps)
-        share = np.clip((np.abs(elevation) - self.merge_from) / merged, 0.0, 1.0)
-        offset = side * self.interocular / 2.0 * np.cos(share * math.pi / 2.0)
-        eye = rightwards * offset[..., None]
-        towards = direction
-        if self.convergence:
-            towards = self.convergence * direction - eye
-            towards = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
-        return eye, eye + reach * towards
+        rightwards = np.stack([np.cos(azimuth), np.zeros_like(azimuth), np.sin(azimuth)])
+        merge = self.merge_from, self.merge_to
+        stereo = SphericalStereo(self.interocular, self.convergence or math.inf, merge)
+        eye, towards = stereo.eye(side, direction, rightwards)
+        return np.moveaxis(eye, 0, -1), np.moveaxis(eye + reach * towards, 0, -1)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_vr_pair,))

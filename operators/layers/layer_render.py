@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import bpy
 from bpy.app.handlers import persistent
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, StringProperty
 
-from ...scfpf_addon.bridge.blender import versions
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.blender.unstored_edits import note_edit
 from ...scfpf_addon.bridge.blender.user_errors import USER_ERRORS
@@ -26,18 +25,13 @@ from ..common.target import chosen_camera, poll_flexible_camera, take_up_edits
 from ..common.tool import Action
 from ..common.words import report_text, translated_report
 from ..image.image_editors import image_editors
+from ..image.joined_engines import RENDERERS, OfEngine
 from ..image.preparation import poll_no_render, redraw_interface
 
 # Seconds between two looks at Blender's render.
 TICK = 0.1
 PLAN_CANCELED = "Planning canceled: the earlier plan is kept"
 CANCELED = "Render canceled: the previous picture is unchanged"
-ENGINES = (
-    ("EEVEE", "EEVEE", "Blender's real-time engine"),
-    ("WORKBENCH", "Workbench", "The engine of solid viewports"),
-    ("SCENE", "Scene's Engine", "The render engine that the scene has"),
-)
-RENDERERS = {"EEVEE": versions.EEVEE, "WORKBENCH": "BLENDER_WORKBENCH", "SCENE": ""}
 PLANNED = "{0} renders show {1:.2%} of the picture, with {2:.1f} times its pixels"
 ONE_RENDER = "One render: the picture is the camera's own view"
 LINKED = "'{0}' is linked from another file: make a library override of it first"
@@ -52,14 +46,13 @@ def _note_cancel(*_) -> None:
     _cancelled.append(True)
 
 
-class OfEngine:
-    """Operators that take the engine whose renders are joined."""
+class OfFrames:
+    """Operators that render a picture, or one for each frame."""
 
-    engine: EnumProperty(
-        name="Engine",
-        description="The engine whose renders are joined; the scene keeps its own",
-        items=ENGINES,
-        default="SCENE",
+    animation: BoolProperty(
+        name="Animation",
+        description="Render all frames of the scene's range into files",
+        default=False,
         options={"SKIP_SAVE"},
     )
 
@@ -67,21 +60,16 @@ class OfEngine:
 class PicturesRender(ModalJob):
     """The base of operators whose pictures take several renders.
 
-    Those have ``new_job``, which makes their ``LayersJob``.
+    Those have ``new_job``, which makes their ``LayersJob``; ``told`` is reported at the end.
     """
 
     seconds = TICK
     canceled = CANCELED
+    told = ""
 
     camera: StringProperty(
         name="Camera",
         description="Name of the flexible camera; empty for the scene's camera, or else the active one",
-        options={"SKIP_SAVE"},
-    )
-    animation: BoolProperty(
-        name="Animation",
-        description="Render all frames of the scene's range into files",
-        default=False,
         options={"SKIP_SAVE"},
     )
     filepath: StringProperty(
@@ -171,16 +159,17 @@ class PicturesRender(ModalJob):
         """The camera, frames and path. Raises USER_ERRORS."""
         camera, scene = chosen_camera(context, self.camera), context.scene
         take_up_edits(context)
-        frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step) if self.animation else ()
-        return camera, frames, self.filepath or (scene.render.filepath if self.animation else "")
+        animated = getattr(self, "animation", False)
+        frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step) if animated else ()
+        return camera, frames, self.filepath or (scene.render.filepath if animated else "")
 
     def _finish(self, context, job: LayersJob):
         for warning in job.warnings:
             self.report({"WARNING"}, translated_report(warning))
         for space in image_editors(context.window_manager)[:1]:
             space.image = result_image()
-        if job.outcome:
-            self.report({"INFO"}, job.outcome)
+        for text in filter(None, (job.outcome, self.told)):
+            self.report({"INFO"}, text)
         # As after Render: without the option UNDO, whose redo panel would render at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=self.bl_label)
@@ -191,7 +180,7 @@ class PicturesRender(ModalJob):
 PASSED = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WINDOW_DEACTIVATE", "ESC"}
 
 
-class SCFPF_OT_layers_render(PicturesRender, bpy.types.Operator):
+class SCFPF_OT_layers_render(OfFrames, PicturesRender, bpy.types.Operator):
     """Render the picture with its layers by Cycles, one render a layer; Esc cancels, the old picture stays"""
 
     bl_idname = "scfpf.layers_render"
@@ -202,7 +191,7 @@ class SCFPF_OT_layers_render(PicturesRender, bpy.types.Operator):
         return LayersJob(context, camera, frames, path)
 
 
-class SCFPF_OT_joined_render(OfEngine, PicturesRender, bpy.types.Operator):
+class SCFPF_OT_joined_render(OfEngine, OfFrames, PicturesRender, bpy.types.Operator):
     """Render by an engine that knows ordinary cameras only, and join the picture from a few of its renders;
     Esc cancels, the old picture stays"""
 

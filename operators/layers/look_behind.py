@@ -110,7 +110,7 @@ class SCFPF_OT_look_behind(ModalJob, Action, bpy.types.Operator):
         self._task.wait()
 
     def _show(self, context):
-        text = report_text("SCFPF: looking behind, {0:.0%}    Esc: cancel", self._task.progress)
+        text = report_text("Flexible Projection: looking behind, {0:.0%}    Esc: cancel", self._task.progress)
         self.show(context, text, self._task.progress)
 
     def _prepare(self, context) -> None:

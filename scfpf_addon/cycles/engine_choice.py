@@ -18,7 +18,10 @@ from .rig_data import CYCLES, rig_of
 warnings: deque[str] = deque()
 
 # The warning about F12 through a rig in a stereoscopic scene.
-ALIKE = Message("Cycles renders all views alike: render with Flexible Projection, or switch off Stereoscopy")
+ALIKE = Message(
+    "The Cycles rig renders all views alike: press Render Both Eyes, render with Flexible Projection, or "
+    "switch off Stereoscopy"
+)
 
 
 def engine_name(scene) -> str:

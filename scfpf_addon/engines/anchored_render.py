@@ -16,6 +16,7 @@ from ..anchors.join import join_sky
 from ..anchors.kept_plan import KeptPlan
 from ..anchors.plan import PlanLimits, sky_anchors, sky_points
 from ..anchors.shot import LayeredShot
+from ..bridge.camera.stereo_views import Eye
 from ..bridge.tasks.background import AwaitedWork, in_background
 from ..bridge.tasks.task import Task
 from ..cycles.layers.pass_files import Pass, read_passes
@@ -24,7 +25,7 @@ from ..projection.user_error import Message
 from ..shading.frame import Frame, render_frame
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
-from .cautions import cautions
+from .cautions import LEFT_OUT_SETTINGS, cautions
 from .joined_tiles import Pictures, joined_pixels
 from .picture_plan import PicturePlan, ReadPicture, plan_picture_steps, read_picture
 from .render_times import TakenTime, note_time
@@ -48,9 +49,9 @@ class AnchoredRender:
     plan: its anchors, once planned; None in an animation, whose frames are planned together.
     """
 
-    def __init__(self, passing: AnchorScene, shot: LayeredShot | None = None) -> None:
-        """shot: of an animation, of which the picture is the scene's present frame."""
-        self._passing, self._shot = passing, shot
+    def __init__(self, passing: AnchorScene, shot: LayeredShot | None = None, eye: Eye = "") -> None:
+        """shot: of an animation, of which the picture is the scene's present frame. eye: that sees it."""
+        self._passing, self._shot, self._eye = passing, shot, eye
         self.warnings: list[str] = []
         self.pixels: Single | None = None
         self.passes: dict[str, Pass] = {}
@@ -74,9 +75,9 @@ class AnchoredRender:
 
         Close the iterator to end early. Raises USER_ERRORS.
         """
-        picture = read_picture(self._passing, camera)
+        picture = read_picture(self._passing, camera, eye=self._eye)
         inputs, size = picture.inputs, picture.size
-        if inputs.is_ordinary:
+        if inputs.is_ordinary and not self._eye:
             self.total = 1
             self._passing.look_as(camera)
             del camera
@@ -134,7 +135,10 @@ class AnchoredRender:
         """Plan the picture. has_lens: whether depth of field is on. Raises USER_ERRORS."""
         layers = picture.inputs.image_layers
         self.warnings += layers.warnings_of(picture.inputs.scene.geometry, False)
-        self.warnings += cautions(self._passing.scene, self._passing.left_out, has_lens, layers.members)
+        left_out = self._passing.left_out
+        if self._eye:
+            left_out = [text for text in left_out if text != LEFT_OUT_SETTINGS["use_multiview"]]
+        self.warnings += cautions(self._passing.scene, left_out, has_lens, layers.members)
         self._passing.members, self._passing.instancers = layers.members, picture.instancers
         plan = yield from plan_picture_steps(self._passing, camera_uid, picture, self._shot)
         self.plan = plan.kept

@@ -17,6 +17,7 @@ from ..anchors.plan import plan_anchors
 from ..anchors.shot import LayeredShot, LookedAt, completed_sets
 from ..anchors.stand_ins import StandIns
 from ..bridge.blender.scene_objects import object_by_uid
+from ..bridge.camera.stereo_views import Eye
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.instances import instances
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
@@ -111,7 +112,7 @@ class PicturePlan:
         return sum(len(each.pictures.views) for each in self.parts)
 
 
-def read_picture(passing: AnchorScene, camera, frame: int | None = None) -> ReadPicture:
+def read_picture(passing: AnchorScene, camera, frame: int | None = None, eye: Eye = "") -> ReadPicture:
     """Read a picture of a passing scene. frame: another one than the present. Raises USER_ERRORS."""
     scene = passing.scene
     size, present = synced_image_size(scene, camera), scene.frame_current
@@ -120,7 +121,7 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None) -> Read
     def read(depsgraph, set_frame):
         if frame is not None:
             set_frame(frame, subframe=0.0)
-        inputs = read_inputs(depsgraph, camera, size, passes=names)
+        inputs = read_inputs(depsgraph, camera, size, passes=names, eye=eye)
         # Any rotation serves: one that shears or mirrors would not.
         turn = camera.evaluated_get(depsgraph).matrix_world.to_quaternion().to_matrix()
         keys = (each.key for each in instances(depsgraph)) if inputs.projection.layers else ()

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...projection.typing import Array
 from ...projection.user_error import Message, UserError
+from ...projection.volume.spherical_stereo import SphericalStereo, may_be_spherical, spherical_eye
 from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import camera_behind
 from .ordinary_camera import depth_plane, is_own_view, placement
@@ -84,20 +85,48 @@ def own_depth_plane(projection: Projection, camera, depsgraph, eye: Eye) -> Arra
     None if a projection, world space, is not an evaluated camera's own view: then a depth is a length along
     the projector. projection: of the camera itself, between the eyes.
     """
+    if is_spherical(projection, camera, eye):
+        return None
     is_own = not camera.scfpf.enabled or is_own_view(projection, camera, depsgraph)
     return depth_plane(eye_place(camera, eye)) if is_own else None
 
 
-def unseen_settings(camera, eye: Eye) -> str:
-    """Return a warning about an ignored stereo setting of an evaluated camera, "" without one."""
-    if (
-        isinstance(eye, str)
-        and eye
-        and camera.data.stereo.use_spherical_stereo
-        and camera.data.type in SPHERICAL_TYPES
-    ):
+def eye_projection(projection: Projection, camera, eye: Eye) -> Projection:
+    """The projection of an eye of an evaluated camera, whose own is given, in world space."""
+    if not eye:
+        return projection
+    if not is_spherical(projection, camera, eye):
+        return projection.transformed(seen_by(camera, eye))
+    place, stereo = placement(camera), camera.data.stereo
+    merge = (stereo.pole_merge_angle_from, stereo.pole_merge_angle_to) if stereo.use_pole_merge else None
+    convergence = math.inf if stereo.convergence_mode == "PARALLEL" else stereo.convergence_distance
+    own = projection.transformed(np.linalg.inv(place))
+    eyes = SphericalStereo(stereo.interocular_distance, convergence, merge)
+    return spherical_eye(own, eyes, -1.0 if eye == "LEFT" else 1.0).transformed(place)
+
+
+def _asks_spherical(camera, eye: Eye) -> bool:
+    """Return whether an eye of an evaluated camera is to be one of spherical stereo."""
+    is_eye = isinstance(eye, str) and bool(eye)
+    return is_eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES
+
+
+def is_spherical(projection: Projection, camera, eye: Eye) -> bool:
+    """Return whether an eye of an evaluated camera turns with its direction. projection: the camera's own."""
+    has_layers = any(layer.is_on for layer in camera.scfpf.layers)
+    is_asked = _asks_spherical(camera, eye) and camera.scfpf.enabled and not has_layers
+    return is_asked and may_be_spherical(projection)
+
+
+def unseen_settings(projection: Projection, camera, eye: Eye) -> str:
+    """Return a warning about an ignored stereo setting of an evaluated camera, "" without one.
+
+    projection: the camera's own.
+    """
+    if _asks_spherical(camera, eye) and not is_spherical(projection, camera, eye):
         return Message(
-            "Spherical stereo of '{0}' is left out: choose Parallel for a volume that looks all around",
+            "Spherical stereo of '{0}' is left out, as its projectors are bent, or it has layers or holes: "
+            "choose Parallel",
             camera.name,
         )
     return ""

@@ -42,9 +42,14 @@ class Quilt(NamedTuple):
 
     def place(self, number: int, size: tuple[int, int]) -> tuple[slice, slice]:
         """The rows and columns of pixels of a view. size: of a view, in pixels."""
-        width, height = size
-        row, column = divmod(number, self.columns)
-        return slice(row * height, (row + 1) * height), slice(column * width, (column + 1) * width)
+        return tile_place(number, self.columns, size)
+
+
+def tile_place(number: int, columns: int, size: tuple[int, int]) -> tuple[slice, slice]:
+    """The rows and columns of pixels of a tile, the first at the lower left. size: of each, in pixels."""
+    width, height = size
+    row, column = divmod(number, columns)
+    return slice(row * height, (row + 1) * height), slice(column * width, (column + 1) * width)
 
 
 def read_quilt(scene, view_layer, camera, quilt: Quilt) -> list[RenderInputs]:

@@ -18,7 +18,7 @@ from ..blends.camera_blend import unbaked
 from ..camera.ordinary_camera import frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection
-from ..camera.stereo_views import Eye, own_depth_plane, seen_by, unseen_settings
+from ..camera.stereo_views import Eye, eye_projection, own_depth_plane, unseen_settings
 from ..layers.read_image_layers import ReadLayers, read_image_layers
 from ..scene.read_images import with_images
 from ..scene.read_motion import MotionReader, read_moments, read_neighbours
@@ -126,7 +126,8 @@ def read_inputs(
     projection = read_view(depsgraph, camera, aspect)
     plane = own_depth_plane(projection, evaluated, depsgraph, eye)
     is_ordinary = plane is not None and not layers.layers
-    projection = replace(seen_from(projection, evaluated, eye), layers=layers.layers)
+    unseen = unseen_settings(projection, evaluated, eye)
+    projection = replace(eye_projection(projection, evaluated, eye), layers=layers.layers)
     lens, lens_warning = read_lens(evaluated, projection, depsgraph, eye)
     if scene is None:
         scene = with_images(
@@ -141,7 +142,7 @@ def read_inputs(
             projection,
             transparent=render.film_transparent,
         )
-    others = lens_warning, unseen_settings(evaluated, eye), transparency_warning(scene, passes)
+    others = lens_warning, unseen, transparency_warning(scene, passes)
     others = (*others, *layers.warnings_of(scene.geometry, lens is not None), unbaked(camera.original))
     scene = replace(scene, warnings=(*scene.warnings, *filter(None, others)))
     marks = {}
@@ -181,12 +182,7 @@ def read_view(depsgraph, camera, aspect: float, eye: Eye = "") -> Projection:
         projection = read_projection(camera, depsgraph, aspect)
     else:
         projection = frustum_projection(evaluated, depsgraph, aspect)
-    return seen_from(projection, evaluated, eye)
-
-
-def seen_from(projection: Projection, camera, eye: Eye) -> Projection:
-    """The projection of an eye of an evaluated camera, whose own is given."""
-    return projection.transformed(seen_by(camera, eye)) if eye else projection
+    return eye_projection(projection, evaluated, eye)
 
 
 def with_motion(

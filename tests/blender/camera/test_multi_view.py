@@ -213,7 +213,7 @@ def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon, capfd):
     cautions = addon("cycles.cautions").cautions
     assert any("renders all views alike" in text for text in cautions(scene, bpy.context.view_layer, rig))
     both = cycles_positions(scene)
-    assert "SCFPF: warning: Cycles renders all views alike" in capfd.readouterr().err
+    assert "Flexible Projection: warning: The Cycles rig renders all views alike" in capfd.readouterr().err
     scene.render.use_multiview = False
     alone = f12(scene)[POSITION]
     assert np.ptp(alone) > 1.0

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from engine_images import passes, write_multilayer
+from mathutils import Matrix
 
 POSITION = "ViewLayer.Position"
 VIEWS = ("left", "right")
@@ -56,6 +57,22 @@ def test_each_eye_sees_what_cycles_sees(tmp_path, interocular, convergence, merg
         bpy.data.objects[name].scfpf.samples = 1
     ours = positions(scene)
 
+    assert_alike(ours, of_cycles(scene, interocular, convergence, merge))
+
+
+def set_eyes(lens, interocular, convergence, merge):
+    """Give a camera the stereoscopy of a pair. merge: degrees, None for none."""
+    stereo = lens.stereo
+    stereo.use_spherical_stereo, stereo.use_pole_merge = True, merge is not None
+    stereo.interocular_distance = interocular
+    stereo.convergence_mode = "OFFAXIS" if convergence else "PARALLEL"
+    stereo.convergence_distance = convergence or 1.95
+    if merge is not None:
+        stereo.pole_merge_angle_from, stereo.pole_merge_angle_to = (math.radians(angle) for angle in merge)
+
+
+def of_cycles(scene, interocular, convergence, merge):
+    """What Cycles' own panoramic camera shows both eyes."""
     scene.render.engine, scene.render.views_format = "CYCLES", "STEREO_3D"
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
@@ -64,14 +81,12 @@ def test_each_eye_sees_what_cycles_sees(tmp_path, interocular, convergence, merg
     lens = scene.camera.data
     lens.type = "PANO"
     (lens if hasattr(lens, "panorama_type") else lens.cycles).panorama_type = "EQUIRECTANGULAR"
-    stereo = lens.stereo
-    stereo.use_spherical_stereo = stereo.use_pole_merge = True
-    stereo.interocular_distance = interocular
-    stereo.convergence_mode = "OFFAXIS" if convergence else "PARALLEL"
-    stereo.convergence_distance = convergence or 1.95
-    stereo.pole_merge_angle_from, stereo.pole_merge_angle_to = (math.radians(angle) for angle in merge)
-    its = positions(scene)
+    set_eyes(lens, interocular, convergence, merge)
+    return positions(scene)
 
+
+def assert_alike(ours, its):
+    """Each eye's positions are those of Cycles' eye, and not those of the other one."""
     for view, other in zip(VIEWS, reversed(VIEWS), strict=True):
         off = np.linalg.norm(ours[view] - its[view], axis=-1)
         # Edges of the room and of the box may fall on the other side of a pixel's centre.
@@ -79,6 +94,44 @@ def test_each_eye_sees_what_cycles_sees(tmp_path, interocular, convergence, merg
         assert np.median(off) < 1e-3
         crossed = np.linalg.norm(ours[view] - its[other], axis=-1)
         assert np.median(crossed) > 5 * np.median(off)
+
+
+@pytest.mark.parametrize(
+    ("interocular", "convergence", "merge"), [(0.5, 3.0, (30, 80)), (0.5, 0.0, None), (0.065, 1.95, (60, 75))]
+)
+def test_a_panoramas_own_spherical_stereo_is_that_of_cycles(tmp_path, interocular, convergence, merge):
+    """One camera with Stereo 3D: F12 renders both eyes."""
+    scene = panorama(tmp_path, interocular, convergence, merge)
+    scene.render.engine, scene.camera.scfpf.samples = "SCFPF", 1
+    ours = positions(scene)
+    assert_alike(ours, of_cycles(scene, interocular, convergence, merge))
+
+
+def panorama(tmp_path, interocular=0.5, convergence=3.0, merge=(30, 80)):
+    """A scene with Stereo 3D whose camera is an equirectangular panorama with spherical stereo."""
+    scene = bpy.context.scene
+    room(scene, tmp_path)
+    scene.render.use_multiview, scene.render.views_format = True, "STEREO_3D"
+    assert bpy.ops.scfpf.camera_add(preset="equirectangular") == {"FINISHED"}
+    camera = scene.camera = bpy.context.object
+    camera.matrix_world = Matrix.Translation(CURSOR) @ Matrix.Rotation(math.pi / 2, 4, "X")
+    camera.data.type = "PERSP"
+    set_eyes(camera.data, interocular, convergence, merge)
+    bpy.context.view_layer.update()
+    return scene
+
+
+def test_bent_projectors_have_no_spherical_stereo_and_say_so(addon, tmp_path):
+    scene = panorama(tmp_path)
+    bpy.ops.scfpf.preset_apply(preset="inverted_perspective")
+    scene.camera.data.type = "PERSP"
+    camera, inputs = scene.camera, addon("bridge.render.render_inputs")
+    if len(camera.scfpf.surfaces) == 2:
+        bpy.ops.scfpf.surface_insert()
+    read = inputs.read_inputs(bpy.context.evaluated_depsgraph_get(), camera, (8, 4), eye="LEFT")
+    assert any("Spherical stereo" in str(text) for text in read.scene.warnings)
+    read = inputs.read_inputs(bpy.context.evaluated_depsgraph_get(), camera, (8, 4))
+    assert not any("Spherical stereo" in str(text) for text in read.scene.warnings)
 
 
 def test_both_eyes_move_together_and_are_found_by_multi_view():

@@ -89,7 +89,12 @@ def rendered():
     assert bpy.ops.scfpf.render() == {"FINISHED"}
 
 
-STATES = (ordinary, flexible, aimed, layered, blended, scaled, by_cycles, rendered)
+def stereoscopic():
+    flexible()
+    bpy.context.scene.render.use_multiview = True
+
+
+STATES = (ordinary, flexible, aimed, layered, blended, scaled, by_cycles, rendered, stereoscopic)
 
 
 @pytest.mark.usefixtures("built_groups")

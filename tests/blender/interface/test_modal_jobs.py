@@ -167,10 +167,13 @@ JOBS = {
     "SCFPF_OT_layer_drag": ("operators.layers.layer_drag", [MOUSE, TIMER], ""),
     "SCFPF_OT_aim_solve": ("operators.aim.solve", [TIMER], "Solve canceled: the volume is as before"),
     "SCFPF_OT_layers_render": ("operators.layers.layer_render", [TIMER], CANCELED),
+    "SCFPF_OT_quilt_joined": ("operators.layers.layer_render", [TIMER], CANCELED),
+    "SCFPF_OT_eyes_joined": ("operators.layers.layer_render", [TIMER], CANCELED),
     "SCFPF_OT_look_behind": ("operators.layers.look_behind", [], "Look Behind canceled"),
     "SCFPF_OT_joined_render": ("operators.layers.layer_render", [TIMER], CANCELED),
     "SCFPF_OT_joined_plan": ("operators.layers.layer_render", [TIMER], "Planning canceled"),
 }
+JOINED = {"SCFPF_OT_joined_render", "SCFPF_OT_quilt_joined", "SCFPF_OT_eyes_joined"}
 # It leaves nothing: it only waits for what becomes of a press.
 KEEPS_NOTHING = {"SCFPF_OT_live_select"}
 
@@ -199,13 +202,14 @@ def job(request, addon, monkeypatch):
     bpy.context.view_layer.objects.active = camera
     if name == "SCFPF_OT_aim_drag":
         camera.scfpf.aim.live = True
-    if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_render", "SCFPF_OT_joined_plan"}:
+    if name in {"SCFPF_OT_layers_render", "SCFPF_OT_joined_plan", *JOINED}:
         scene.render.engine = "CYCLES"
         monkeypatch.setattr(addon("cycles.layers.layers_job").LayersJob, "render", lambda *_, **__: None)
     if "joined" in name:
         # Many anchors, which a thread plans.
         bpy.ops.scfpf.preset_apply(preset="inverted_perspective")
         scene.render.resolution_x, scene.render.resolution_y = 320, 180
+    scene.render.use_multiview = name == "SCFPF_OT_eyes_joined"
     if name == "SCFPF_OT_distance_drag":
         camera.data.type, camera.data.clip_start = "PERSP", 0.1
         bpy.ops.scfpf.by_distance()
@@ -237,7 +241,7 @@ def job(request, addon, monkeypatch):
         # How far the mouse is along the way, when it is pressed and after it.
         along = iter((1.0, 2.5))
         operator._along = lambda *_: next(along)
-    if name == "SCFPF_OT_quilt":
+    if name in {"SCFPF_OT_quilt", "SCFPF_OT_quilt_joined"}:
         operator.columns, operator.rows = 2, 1
     if name in {"SCFPF_OT_quilt", "SCFPF_OT_time_render"}:
         operator._is_asked, operator.wait = True, operator.execute

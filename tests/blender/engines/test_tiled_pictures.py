@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Quilts and both eyes by other engines, beside the pictures of ordinary cameras by these engines."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from engine_images import f12, passes, write_multilayer
+from mathutils import Matrix
+
+WIDTH, HEIGHT = 48, 32
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Cubes in a room. Colours are positions, in sixteenths round 0.5; each pixel shows one place."""
+    scene = bpy.context.scene
+    material = bpy.data.materials.new("Position")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    kinds = (
+        "ShaderNodeNewGeometry",
+        "ShaderNodeVectorMath",
+        "ShaderNodeEmission",
+        "ShaderNodeOutputMaterial",
+    )
+    place, scale, glow, output = (tree.nodes.new(kind) for kind in kinds)
+    scale.operation = "MULTIPLY_ADD"
+    scale.inputs[1].default_value, scale.inputs[2].default_value = (1 / 16,) * 3, (0.5,) * 3
+    tree.links.new(place.outputs["Position"], scale.inputs[0])
+    tree.links.new(scale.outputs[0], glow.inputs["Color"])
+    tree.links.new(glow.outputs[0], output.inputs["Surface"])
+    for size, at in ((14.0, (0, 0, 0)), (1.0, (-1.2, 0, 0)), (1.0, (0, 2, 0.4)), (1.0, (1.3, -1.5, -0.3))):
+        bpy.ops.mesh.primitive_cube_add(size=size, location=at, rotation=(0.1, 0.2, 0.3))
+        bpy.context.object.data.materials.append(material)
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
+    render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
+    scene.cycles.max_bounces = 0
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
+    scene.world = bpy.data.worlds.new("World")
+    bpy.ops.object.camera_add(location=(0, -5, 0), rotation=(math.pi / 2, 0, 0))
+    scene.camera = bpy.context.object
+    scene.camera.data.clip_start = 0.01
+    write_multilayer(scene, tmp_path / "own")
+    return scene
+
+
+def picture():
+    image = bpy.data.images["SCFPF Render"]
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)[..., :3]
+
+
+def assert_alike(tile, own):
+    """Positions are the same but beside edges, which may fall to the other side of a pixel's centre."""
+    off = np.linalg.norm(tile - own, axis=-1) * 16
+    assert np.median(off) < 0.01 and (off > 0.1).mean() < 0.06, np.sort(off.ravel())[::100]
+
+
+@pytest.mark.parametrize("press", ("quilt", "quilt_joined"))
+def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press):
+    """Of cameras side by side whose lens is shifted so that the focus stays where it is."""
+    camera, lens = scene.camera, scene.camera.data
+    columns, rows, focus, cone = 2, 2, 5.0, math.radians(30)
+    bpy.ops.scfpf.camera_from_camera()
+    camera.scfpf.samples = 1
+    render = getattr(bpy.ops.scfpf, press)
+    assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine="SCENE") == {"FINISHED"}
+    quilt = picture()
+    assert quilt.shape == (rows * HEIGHT, columns * WIDTH, 3)
+    camera.scfpf.enabled = False
+    reach = focus * math.tan(cone / 2)
+    for number, offset in enumerate(np.linspace(-reach, reach, columns * rows)):
+        camera.location.x, lens.shift_x = offset, -offset / focus * lens.lens / lens.sensor_width
+        bpy.context.view_layer.update()
+        own = next(values for name, values in f12(scene).items() if name.endswith("Combined"))[..., :3]
+        row, column = divmod(number, columns)
+        tile = quilt[row * HEIGHT : (row + 1) * HEIGHT, column * WIDTH : (column + 1) * WIDTH]
+        assert_alike(tile, own)
+    assert np.abs(quilt[:HEIGHT, :WIDTH] - quilt[HEIGHT:, -WIDTH:]).mean() > 0.01
+
+
+def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path):
+    """Spherical stereo, joined from Cycles' renders by ordinary cameras: the left eye is on top."""
+    render, place = scene.render, Matrix.Rotation(math.pi / 2, 4, "X")
+    render.resolution_x, render.resolution_y = 96, 48
+    assert bpy.ops.scfpf.camera_add(preset="equirectangular") == {"FINISHED"}
+    camera = scene.camera = bpy.context.object
+    camera.matrix_world, camera.data.type = place, "PERSP"
+    camera.scfpf.samples = 1
+    with pytest.raises(RuntimeError, match="Stereo 3D"):
+        bpy.ops.scfpf.eyes_joined()
+    render.use_multiview, render.views_format = True, "STEREO_3D"
+    bpy.ops.object.camera_add(rotation=(math.pi / 2, 0, 0))
+    ordinary = bpy.context.object
+    ordinary.data.type = "PANO"
+    lens = ordinary.data
+    (lens if hasattr(lens, "panorama_type") else lens.cycles).panorama_type = "EQUIRECTANGULAR"
+    for each in (camera, ordinary):
+        stereo = each.data.stereo
+        stereo.use_spherical_stereo = stereo.use_pole_merge = True
+        stereo.interocular_distance, stereo.convergence_distance = 0.6, 3.0
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.eyes_joined(camera=camera.name, layout_of_eyes="TOP") == {"FINISHED"}
+    both = picture()
+    assert both.shape == (96, 96, 3)
+    scene.camera = ordinary
+    render.image_settings.views_format = "INDIVIDUAL"
+    assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+    for number, view in enumerate(("right", "left")):
+        found = passes(f"{render.filepath}{render.views[view].file_suffix}.exr")
+        own = next(values for name, values in found.items() if name.endswith("Combined"))[..., :3]
+        assert_alike(both[number * 48 : (number + 1) * 48], own)
+        other = both[(1 - number) * 48 : (2 - number) * 48]
+        assert np.median(np.linalg.norm(other - own, axis=-1)) * 16 > 0.05
