@@ -20,7 +20,7 @@ from ...projection.user_error import UserError
 from ..blender import versions
 from ..blender.all_or_nothing import way_back
 from ..blender.mesh_grid import checked_grid, grid_points, write_grid
-from ..blender.scene_objects import delete_with_data
+from ..blender.scene_objects import delete_with_data, object_by_uid
 from .kinds import BLENDER_KINDS, MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .surface_groups import group_inputs, surface_group
 from .surface_limits import drawn_vertices
@@ -223,9 +223,21 @@ def set_surface_parameters(surface, parameters: dict) -> None:
         taken[identifiers[given.label]] = type(given.default)(value)
     for identifier, value in taken.items():
         before = versions.modifier_input(modifier, identifier)
-        way_back(versions.set_modifier_input, modifier, identifier, before)
+        way_back(_set_again, surface.session_uid, modifier.name, identifier, before)
         versions.set_modifier_input(modifier, identifier, value)
     surface.update_tag()
+
+
+def _set_again(uid: int, name: str, identifier: str, value) -> None:
+    """Set an input of a surface's modifier, unless the block whose way back this is has removed either.
+
+    uid: the surface's session id. Blender does not tell Python of modifiers that are gone, and would crash.
+    """
+    surface = object_by_uid(uid)
+    modifier = None if surface is None else surface.modifiers.get(name)
+    group = None if modifier is None or modifier.type != "NODES" else modifier.node_group
+    if group is not None and identifier in group_inputs(group).values():
+        versions.set_modifier_input(modifier, identifier, value)
 
 
 def surface_parameters(evaluated_object) -> dict:

@@ -256,3 +256,22 @@ def ends():
     """The handles of two pins, as arguments."""
     names = [target.handle.name for target in bpy.data.objects["Camera"].scfpf.aim_targets]
     return {"first": names[0], "second": names[1]}
+
+
+def test_the_way_back_of_a_surface_that_the_edit_has_removed(addon):
+    """Blender would crash if a modifier that is gone were set."""
+    module, kept = addon("bridge.surfaces.surface_object"), addon("bridge.blender.all_or_nothing")
+    surfaces = [module.new_surface(name, "PLANE", {"width": 2.0}) for name in ("Stays", "Goes", "Bare")]
+    for surface in surfaces:
+        bpy.context.scene.collection.objects.link(surface)
+    stays, goes, bare = surfaces
+    with pytest.raises(ZeroDivisionError), kept.all_or_nothing():
+        for surface in surfaces:
+            module.set_surface_parameters(surface, {"width": 5.0})
+        bpy.data.objects.remove(goes)
+        bare.modifiers.clear()
+        raise ZeroDivisionError
+    bpy.context.view_layer.update()
+    evaluated = stays.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert max(vertex.co.x for vertex in evaluated.data.vertices) == pytest.approx(1.0)
+    assert len(bare.modifiers) == 0
