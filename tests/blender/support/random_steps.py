@@ -22,6 +22,8 @@ def small_pictures(scene) -> None:
     """Let a scene render in no time."""
     scene.render.resolution_x, scene.render.resolution_y = 16, 9
     scene.cycles.samples = 1
+    scene.eevee.taa_render_samples = 1
+    scene.frame_end = 3
 
 
 class EditSteps:
