@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render the demo's street, or a landscape, through every preset, as thumbnails of the preset menus.
+"""Render an evening square, or a landscape, through every preset, as thumbnails of the preset menus.
 
     python demo/render_thumbnails.py [--only PRESET]
 
-It writes presets/thumbnails/PRESET.png. It runs under a Python that has bpy; `python3 dev.py thumbnails`
-finds or makes one.
+It writes presets/thumbnails/PRESET.png, with a diagram of the volume in the corner. It runs under a Python
+that has bpy; `python3 dev.py thumbnails` finds or makes one.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import importlib
 import sys
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -22,7 +24,6 @@ from demo.render_demo import (  # noqa: E402
     MODULE,
     SHOTS,
     Shot,
-    build_street,
     enable_add_on,
     place_camera,
     render,
@@ -30,9 +31,12 @@ from demo.render_demo import (  # noqa: E402
 )
 
 FOLDER = ROOT / "presets" / "thumbnails"
-SIZE = (96, 72)
-SAMPLES = 16
-# The shot of presets without one of their own: in front of the car, with the preset's own size.
+# Sharp on screens of two pixels a point, where menus show them.
+SIZE = (192, 144)
+SAMPLES = 24
+# Where projectors end in the diagram of a volume, from the camera, and how far the diagram is off the corner.
+REACH, OFF = 1e6, 3
+# The shot of presets without one of their own: in front of the kiosk, with the preset's own size.
 USUAL = Shot((-3.0, -15.0, 2.4), (0.2, 0.0, 1.6))
 # Shots of presets that need another place, or another size of the volume.
 OWN = {
@@ -42,20 +46,26 @@ OWN = {
         SHOTS["angular_fisheye"],
     ),
     "anamorphic_billboard": Shot((-1.5, -13.0, 2.3), (0.6, 0.0, 2.3)),
-    "cavalier": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
+    "cavalier": Shot((0.0, -8.4, 1.6), (0.0, 0.0, 1.6), 0.56),
     "deep_curvy_volume": Shot((-5.0, -13.0, 2.6), (-4.0, 0.0, -0.2)),
-    "dimetric": Shot((0.0, -6.3, 0.8), (0.0, 0.0, 0.8), 0.42),
+    "dimetric": Shot((0.0, -12.75, 1.4), (0.0, 0.0, 1.4), 0.85),
     "inward_sphere": Shot((0.0, -5.0, 0.8), (0.0, 0.0, 0.8)),
     "digital_cubism": Shot((-2.2, -8.0, 2.6), (0.0, 0.0, 0.9), 0.8),
     "equirectangular": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.6)),
     "house_of_stairs": Shot((-1.0, -7.0, 2.2), (0.0, 0.0, 2.6)),
     "irregular_perspective": Shot((0.0, -12.0, 3.2), (0.0, 0.0, 2.6)),
-    "multiperspective_tiles": Shot((0.0, -4.6, 0.8), (0.0, 0.0, 0.8), 0.2),
+    "multiperspective_tiles": Shot((0.0, -8.0, 1.5), (0.0, 0.0, 1.5), 0.42),
     "long_pan": Shot((0.0, -10.0, 2.0), (0.0, 0.0, 2.0)),
-    "military": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
+    "military": Shot((0.0, -9.0, 1.0), (0.0, 0.0, 1.0), 0.6),
     **dict.fromkeys(("panini", "panini_compressed"), Shot((-2.4, -4.4, 1.4), (0.2, 0.0, 1.4))),
     "panini_vertical": Shot((0.0, 50.0, 1.6), (0.0, 66.0, 1.6)),
-    "three_quarter": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
+    "three_quarter": Shot((0.0, -14.25, 1.2), (0.0, 0.0, 1.2), 0.95),
+    "inverted_perspective": Shot((0.0, -11.0, 3.0), (0.0, 0.0, 1.1), 0.62),
+    "linear_twist": Shot((-3.0, -15.0, 2.4), (0.2, 0.0, 1.6), 1.7),
+    "nonlinear_twist": Shot((-1.0, -17.0, 3.2), (0.0, 0.0, 2.8), 1.8),
+    "orthographic": Shot((-3.4, -16.0, 12.0), (0.4, 0.6, 0.9), 0.8),
+    "telephoto": Shot((-2.6, -56.0, 3.0), (0.5, 0.0, 1.9)),
+    **dict.fromkeys(("street_panorama", "street_panorama_curved"), Shot((-3.0, -9.0, 2.2), (0.2, 0.0, 1.8))),
     "strip_camera": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0)),
     "tiny_planet": Shot((0.0, -0.6, 5.0), (0.0, 9.0, 5.0)),
 }
@@ -67,7 +77,7 @@ LAND = {"panorama_map": Shot((0.0, -10.0, 12.0), (0.0, 10.0, 12.0))}
 
 def make(only: str | None) -> None:
     """Write the thumbnails, or one of them."""
-    for build, is_land in ((build_street, False), (land, True)):
+    for build, is_land in ((square, False), (land, True)):
         paths = [
             path
             for path in sorted((ROOT / "presets").glob("*.json"))
@@ -75,6 +85,17 @@ def make(only: str | None) -> None:
         ]
         if paths:
             render_all(build(), paths)
+
+
+def square():
+    """Open a new file with the square, and return its scene."""
+    import bpy
+
+    from demo.square import build_square
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    build_square(bpy.context.scene)
+    return bpy.context.scene
 
 
 def render_all(scene, paths: list[Path]) -> None:
@@ -98,6 +119,33 @@ def render_all(scene, paths: list[Path]) -> None:
         camera.scfpf.pixel_error = 0.1
         bpy.context.view_layer.update()
         print(f"{path.stem}: {render(scene, FOLDER / f'{path.stem}.png')}", flush=True)
+        add_diagram(camera, FOLDER / f"{path.stem}.png")
+
+
+def add_diagram(camera, path: Path) -> None:
+    """Lay the diagram of a camera's volume over the lower right corner of an image file."""
+    import bpy
+
+    from demo.volume_icon import volume_icon
+
+    reading = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.read_projection")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    projection = reading.read_projection(camera, depsgraph, SIZE[0] / SIZE[1])
+    inverse = np.linalg.inv(np.array(camera.matrix_world))
+    icon = volume_icon(MODULE, projection.transformed(inverse), REACH)[::-1]
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(SIZE[1], SIZE[0], 4)
+    height, width = icon.shape[:2]
+    corner = pixels[OFF : OFF + height, SIZE[0] - OFF - width : SIZE[0] - OFF]
+    over, under = icon[..., 3:], corner[..., 3:] * (1.0 - icon[..., 3:])
+    alpha = over + under
+    corner[..., :3] = (icon[..., :3] * over + corner[..., :3] * under) / np.maximum(alpha, 1e-9)
+    corner[..., 3:] = alpha
+    image.pixels.foreach_set(pixels.ravel())
+    image.save()
+    bpy.data.images.remove(image)
 
 
 def main(arguments: list[str]) -> None:

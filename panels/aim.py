@@ -28,7 +28,7 @@ NUMBERS = {
 STEP = math.radians(10)
 TURNS = (("Left", STEP, 0.0), ("Right", -STEP, 0.0), ("Up", 0.0, STEP), ("Down", 0.0, -STEP))
 # Lines below the buttons for what is wrong with a target and for the outcome of a solve.
-OUTCOME_LINES = 5
+OUTCOME_LINES = 3
 # A target is met well whose points are all within so many pixels.
 WELL_MET = 1.5
 # A view shows its thing well if 95 % of it are within so many pixels.

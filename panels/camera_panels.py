@@ -139,7 +139,7 @@ class _MainSection:
             return
         # In the Data tab of a camera that Aim sees a view from, the panel is that of the aimed one.
         if self.names_camera or camera != active_object(context):
-            layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
+            layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA", translate=False)
         if camera.scfpf.enabled:
             draw_render(layout, camera)
             draw_ways(layout, context, camera)

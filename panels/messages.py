@@ -126,8 +126,10 @@ def plan_text(scene, camera) -> str:
 def _of_aim(settings) -> Iterator[Told]:
     """The outcome of the last solve, which the panel Aim shows in part."""
     for target in settings.aim_targets:
-        if target.is_on and target.message:
-            yield Told(target.message, "ERROR" if target.hidden > 0.0 else "INFO")
+        # The line of the whole solve has that of its only view.
+        if target.is_on and target.message and target.message not in settings.aim.message:
+            text = Message("{0}: {1}", target.name, target.message)
+            yield Told(text, "ERROR" if target.hidden > 0.0 else "INFO")
     if settings.aim_targets and settings.aim.message:
         yield Told(settings.aim.message, "ERROR" if settings.aim.flaws else "INFO")
 

@@ -25,11 +25,9 @@ OUTPUT = ROOT / "demo" / "output" / "compositions"
 SAMPLES = 16
 # By name: the module, whose ``build`` makes the scene, or the function in it.
 COMPOSITIONS = {
-    "chessmen": "chess",
     "behind": "squares.behind",
     "tour": "squares.tour",
     "joiner": "joiner",
-    "portrait": "portrait",
     "room": "room",
     "graph-street": "graph_street",
 }

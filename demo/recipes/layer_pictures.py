@@ -213,30 +213,6 @@ def still_life():
     return scene
 
 
-def around_view():
-    """The street with the car as it looks from its side: a blend by a map around a view."""
-    import bpy
-
-    from demo import render_demo
-
-    scene = render_demo.build_street()
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    street = add_camera(scene, "Street", (0.0, -14.0, 2.2), (0.0, 2.0, 2.4), 30.0)
-    side = add_camera(scene, "Side", (-3.6, -11.6, 3.4), (0.0, 0.0, 0.8), 30.0)
-    # The car is where the other camera shows it.
-    side.data.shift_y = 0.095
-    for camera in (street, side):
-        select_only(camera)
-        bpy.ops.scfpf.camera_from_camera()
-    bpy.ops.scfpf.aim_view_add(camera=side.name, collection="Car")
-    select_only(street, side)
-    bpy.ops.scfpf.camera_blend()
-    side.scfpf.aim_targets[0].width = 0.18
-    scene.camera.scfpf.blend_field.border = 0.25
-    bpy.ops.scfpf.blend_map(kind="VIEWS")
-    return scene
-
-
 def select_only(*cameras) -> None:
     """Select cameras alone, the last one active."""
     import bpy
@@ -256,7 +232,6 @@ def past_the_tail():
 
 
 PICTURES = {
-    "layers-blend": around_view,
     "layers-car": past_the_tail,
     "layers-car-cycles": past_the_tail,
     "layers-still": still_life,

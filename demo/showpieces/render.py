@@ -32,11 +32,15 @@ SAMPLES = 64
 
 
 class Piece(NamedTuple):
-    """A showpiece. recipe: whose steps but the last make it. size: pixels. dress: adds to its scene."""
+    """A showpiece. recipe: whose steps but the last make it. size: pixels. dress: adds to its scene.
+
+    kept: shares of width and height that are kept, from the upper left corner.
+    """
 
     recipe: Recipe
     size: tuple[int, int]
     dress: Callable[[object], None]
+    kept: tuple[float, float] = (1.0, 1.0)
 
 
 def evening(scene) -> None:
@@ -91,13 +95,6 @@ def _light_windows(material, share: float, strength: float) -> None:
     shader.inputs["Emission Color"].default_value = (1.0, 0.46, 0.13, 1.0)
 
 
-def mountains(scene) -> None:
-    """Put woods, a village by a lake, and afternoon light into the landscape."""
-    from demo.showpieces.settled_land import settle
-
-    settle(scene)
-
-
 def _recipe(stem: str) -> Recipe:
     return next(one for one in RECIPES if one.stem == stem)
 
@@ -126,17 +123,6 @@ def _impossible() -> Recipe:
     return Recipe("impossible-street", "An impossible street", "", build, (render(),), "")
 
 
-def _bust() -> Recipe:
-    """A portrait bust, its face and both its sides in one volume."""
-
-    def build():
-        from demo.showpieces.bust import build_bust
-
-        return build_bust()
-
-    return Recipe("bust", "A bust from both sides at once", "", build, (render(),), "")
-
-
 def _evening_car() -> Recipe:
     """A car unfolded before its street, as a layer."""
 
@@ -152,12 +138,10 @@ def _evening_car() -> Recipe:
 STREET_SIZE, NAVE_SIZE = (1920, 960), (1200, 1920)
 
 PIECES = {
-    "bust": Piece(_bust(), (1231, 1920), lambda scene: None),
-    "impossible-street": Piece(_impossible(), STREET_SIZE, evening),
-    "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
+    "impossible-street": Piece(_impossible(), STREET_SIZE, evening, (0.82, 1.0)),
     "nave": Piece(_nave(), NAVE_SIZE, lambda scene: None),
     "evening-car": Piece(_evening_car(), STREET_SIZE, evening),
-    "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, evening),
+    "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, evening, (1.0, 0.93)),
 }
 
 
@@ -254,7 +238,9 @@ def make(name: str, percentage: int, samples: int) -> None:
     else:
         _render_rig(scene, name, raw)
     seconds = time.process_time() - begun
-    Image.open(raw).convert("RGB").save(FOLDER / f"{name}.jpg", quality=QUALITY, optimize=True)
+    image = Image.open(raw).convert("RGB")
+    right, lower = (round(share * side) for share, side in zip(piece.kept, image.size, strict=True))
+    image.crop((0, 0, right, lower)).save(FOLDER / f"{name}.jpg", quality=QUALITY, optimize=True)
     open_on(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
     print(f"{name}: {seconds:.0f} s of the processor", flush=True)

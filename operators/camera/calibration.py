@@ -55,7 +55,11 @@ SIZE_SETTINGS = (
     "pixel_aspect_x",
     "pixel_aspect_y",
 )
-TYPED = ("width", "height", "fx", "fy", "cx", "cy", "skew", "radial", "tangential", "prism", "tilt")
+# What the dialog asks for: of each lens, of a fisheye's or another one's distortion, and seldom.
+PINHOLE = ("width", "height", "fx", "fy", "cx", "cy", "skew")
+SELDOM = ("prism", "tilt")
+# A fisheye has so many radial coefficients, another lens six.
+FISHEYE_RADIAL, RADIAL = 4, 6
 
 
 class SCFPF_OT_camera_from_calibration(Action, bpy.types.Operator):
@@ -155,15 +159,38 @@ class SCFPF_OT_camera_from_calibration(Action, bpy.types.Operator):
         if self.source == "FILE":
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
+        if self.model == "AUTO":
+            self.model = "OPENCV"  # there is no file that names one
         return context.window_manager.invoke_props_dialog(self)
 
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "model")
-        names = ("image",) if self.source == "FILE" else TYPED
-        for name in (*names, "set_size", "overscan", "st_maps"):
+        if self.source == "FILE":
+            layout.prop(self, "image")
+        else:
+            self._draw_numbers(layout)
+        for name in ("set_size", "overscan", "st_maps"):
             layout.prop(self, name)
+
+    def _draw_numbers(self, layout):
+        """Draw the numbers that the lens model has; those of rare lenses are closed at first."""
+        for name in PINHOLE:
+            layout.prop(self, name)
+        is_fisheye = self.model == "FISHEYE"
+        column = layout.column(align=True)
+        for index in range(FISHEYE_RADIAL if is_fisheye else RADIAL):
+            column.prop(self, "radial", index=index, text=f"K{index + 1}")
+        if is_fisheye:
+            return
+        column = layout.column(align=True)
+        for index in range(2):
+            column.prop(self, "tangential", index=index, text=f"P{index + 1}")
+        header, body = layout.panel("scfpf_calibration_seldom", default_closed=True)
+        header.label(text="Prism and Tilt")
+        for name in SELDOM if body is not None else ():
+            body.prop(self, name)
 
     def act(self, context):
         scene = context.scene

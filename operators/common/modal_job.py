@@ -145,8 +145,12 @@ class ModalJob:
             self.leave()
 
     def cancel(self, context):
-        """Called by Blender as the window closes, a file is opened or Blender quits."""
-        self._end(self.abandon, context)
+        """Called by Blender as the window closes, a file is opened or Blender quits.
+
+        Blender also calls it as the dialog before a job is left, when there is nothing to end.
+        """
+        if any(job is self for job, _place in _running):
+            self._end(self.abandon, context)
 
     def disable(self, context) -> None:
         """End the job as the extension is disabled. The file may be changed, other than in ``cancel``."""

@@ -16,7 +16,7 @@ from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.user_error import UserError
 from ..blender.all_or_nothing import at_end, keep
 from ..blender.rig_mark import is_rig_part
-from ..blender.scene_objects import delete_with_data, link_beside
+from ..blender.scene_objects import delete_with_data, link_beside, object_by_uid
 from ..blender.slot_animation import (
     MAPPINGS,
     SURFACES,
@@ -329,6 +329,16 @@ def replace_surfaces(camera, described: list[NewSurface]) -> None:
         _place(camera, surface, new.matrix)
         _insert(camera, surface)
     camera.scfpf.active_surface = 0
+    # The old surfaces have their names until they are deleted.
+    at_end(_give_names, {surface.session_uid: new.name for surface, new in zip(made, described, strict=True)})
+
+
+def _give_names(names: dict[int, str]) -> None:
+    """Give objects, by their session ids, the names that are free."""
+    for uid, name in names.items():
+        surface = object_by_uid(uid)
+        if surface is not None and name not in bpy.data.objects:
+            surface.name = name
 
 
 def volume_from_camera(camera, scene) -> None:

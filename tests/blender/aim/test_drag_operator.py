@@ -106,7 +106,7 @@ def test_the_panel_shows_the_active_target_and_its_remedy(camera, place):
     section = getattr(bpy.types, f"SCFPF_PT_{place}_aim")
     record = drawn(section)
     assert ("list", "SCFPF_UL_aim") in record and ("operator", "scfpf.aim_solve") in record
-    assert "24 of 24 points within 1.5 px" in texts(record)
+    assert "Box: 95 % within" in texts(record)
     assert record.count(("operator", "scfpf.aim_turn")) == 5
     target = camera.scfpf.aim_targets[0]
     target.hidden, target.hidden_by, target.free_turn = 0.5, "Left Wall", (0.2, 0.0)

@@ -353,6 +353,13 @@ def test_a_closed_window_ends_it(job):
     assert_left(job, file_too=job.name != "SCFPF_OT_preview_toggle")
 
 
+@pytest.mark.parametrize("name", ["SCFPF_OT_quilt", "SCFPF_OT_time_render"])
+def test_esc_in_the_dialog_before_a_job_has_nothing_to_end(name):
+    """Blender calls ``cancel`` then, of an operator whose job has not begun."""
+    operator = instance(getattr(bpy.types, name))
+    assert operator.cancel(bpy.context) is None and operator.reports == []
+
+
 def test_disabling_the_extension_ends_it(job):
     job.jobs.disable_all()
     assert_left(job)
