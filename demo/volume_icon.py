@@ -7,8 +7,8 @@ import importlib
 import io
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .mesh import Array
 from .volume_pictures import volume_lines
 
 # Projectors in each direction, and the directions of the diagram's right and up in the camera's space: the
@@ -23,8 +23,8 @@ PLATE, ALPHA = "#14181d", 0.86
 DPI = 72.0
 
 
-def volume_icon(module: str, projection, reach: float) -> Array:
-    """An RGBA image (H, W, 4) from 0 to 1, row 0 at the top.
+def volume_icon(module: str, projection, reach: float) -> NDArray[np.uint8]:
+    """An RGBA image (H, W, 4), row 0 at the top.
 
     projection: in the camera's space. reach: lines are cut at this distance from the camera.
     """
@@ -58,5 +58,4 @@ def volume_icon(module: str, projection, reach: float) -> Array:
     held = io.BytesIO()
     figure.savefig(held, format="rgba", dpi=DPI, transparent=True)
     pyplot.close(figure)
-    found = np.frombuffer(held.getvalue(), np.uint8).reshape(SIZE[1], SIZE[0], 4)
-    return found.astype(np.float64) / 255.0
+    return np.frombuffer(held.getvalue(), np.uint8).reshape(SIZE[1], SIZE[0], 4)

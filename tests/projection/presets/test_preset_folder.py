@@ -111,8 +111,8 @@ def test_every_preset_has_a_small_image_for_the_menus():
     for path in images:
         data = path.read_bytes()
         width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
-        assert data[:8] == b"\x89PNG\r\n\x1a\n" and (width, height) == (96, 72)
-        assert len(data) < 20_000
+        assert data[:8] == b"\x89PNG\r\n\x1a\n" and (width, height) == (192, 144)
+        assert len(data) < 25_000
 
 
 def test_names_differ_and_texts_say_what_and_whence():
