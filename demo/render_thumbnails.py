@@ -125,7 +125,7 @@ def render_all(scene, paths: list[Path]) -> None:
 
 
 def add_diagram(camera, path: Path) -> None:
-    """Lay the diagram of a camera's volume over the lower right corner of an image, and make its file small."""
+    """Lay the diagram of a camera's volume over the lower right corner of an image; make its file small."""
     import bpy
     from PIL import Image
 
