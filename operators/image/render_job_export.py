@@ -47,6 +47,12 @@ class SCFPF_OT_render_job_export(Action, bpy.types.Operator):
         min=1,
         max=99,
     )
+    extension: StringProperty(
+        name="Extension",
+        description="The extension's zip, which workers without it load for their task; empty for one of "
+        "this version beside the file, if there is one",
+        subtype="FILE_PATH",
+    )
     resume: BoolProperty(name="Keep Pictures", description="Keep pictures that exist", default=False)
 
     @classmethod
@@ -78,6 +84,7 @@ class SCFPF_OT_render_job_export(Action, bpy.types.Operator):
             camera=camera.name if way != "cycles" and camera != scene.camera else "",
             resume=self.resume,
             blender="blender",
+            extension=bpy.path.abspath(self.extension) if self.extension else None,
         )
         plan, warnings = plan_job(scene, options)
         folder = bpy.path.abspath(self.directory)

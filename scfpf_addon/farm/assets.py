@@ -4,15 +4,12 @@
 from __future__ import annotations
 
 import os
-import re
 
 import bpy
 
-from .task_script import digest_of
+from .task_script import absent_paths, digest_of, files_at, files_below, used_paths
 from .template import Asset
 
-# The place of a tile's number in the path of a tiled image.
-TILE = re.compile(r"<(?:UDIM|UVTILE)>")
 # Files of these kinds are compared by their content: one that changes in place may keep its size.
 COMPARED = (".blend",)
 # The folder of a file's particles, cloth and other point caches begins so.
@@ -24,16 +21,13 @@ def assets_of(scene_file: str) -> tuple[list[Asset], list[str]]:
 
     scene_file: its absolute path.
     """
-    folder, found, absent = os.path.dirname(scene_file), set[str](), []
-    for path in sorted(set(bpy.utils.blend_paths(absolute=True, packed=False, local=False))):
-        files = _files_at(os.path.normpath(path))
-        found |= files
-        if not files:
-            absent.append(path)
+    folder, found = os.path.dirname(scene_file), set[str]()
+    for path in used_paths():
+        found |= files_at(path)
     for directory in _cache_folders(scene_file):
-        found |= _files_below(directory)
+        found |= files_below(directory)
     found.discard(scene_file)
-    return [_asset(path, folder) for path in sorted(found)], absent
+    return [_asset(path, folder) for path in sorted(found)], absent_paths()
 
 
 def _asset(path: str, folder: str) -> Asset:
@@ -41,43 +35,6 @@ def _asset(path: str, folder: str) -> Asset:
     name = os.path.relpath(path, folder).replace(os.sep, "/") if near else path
     digest = digest_of(path) if path.endswith(COMPARED) else ""
     return Asset(name, os.path.getsize(path), digest)
-
-
-def _files_at(path: str) -> set[str]:
-    """The files of a path: itself, the tiles of an image, or the pictures of a sequence that begins there."""
-    if os.path.isdir(path):
-        return _files_below(path)
-    folder, name = os.path.split(path)
-    if TILE.search(name):
-        pattern = r"(?:\d{4}|u\d+_v\d+)".join(re.escape(part) for part in TILE.split(name))
-        return _matching(folder, pattern)
-    if not os.path.isfile(path):
-        return set()
-    if path not in _sequences():
-        return {path}
-    stem, ending = os.path.splitext(name)
-    return _matching(folder, re.escape(stem.rstrip("0123456789")) + r"\d+" + re.escape(ending)) | {path}
-
-
-def _sequences() -> set[str]:
-    """The paths of images and movie clips that are sequences of pictures."""
-    clips = [*bpy.data.images, *bpy.data.movieclips]
-    return {
-        os.path.normpath(bpy.path.abspath(clip.filepath, library=clip.library))
-        for clip in clips
-        if clip.source == "SEQUENCE"
-    }
-
-
-def _matching(folder: str, pattern: str) -> set[str]:
-    if not os.path.isdir(folder):
-        return set()
-    names = [name for name in os.listdir(folder) if re.fullmatch(pattern, name)]
-    return {os.path.join(folder, name) for name in names}
-
-
-def _files_below(folder: str) -> set[str]:
-    return {os.path.join(place, name) for place, _, names in os.walk(folder) for name in names}
 
 
 def _cache_folders(scene_file: str) -> set[str]:

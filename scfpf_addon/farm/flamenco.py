@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from pathlib import Path
 
 from .template import SCRIPT
@@ -16,5 +18,7 @@ PLACE = '"@TASK@"'
 
 def job_type() -> str:
     """The script that Flamenco's manager loads."""
-    task = json.dumps(SCRIPT.read_text(encoding="utf-8"))
+    # Windows passes at most 32,767 characters to a program.
+    packed = zlib.compress(SCRIPT.read_bytes(), 9)
+    task = json.dumps(base64.b64encode(packed).decode())
     return SOURCE.read_text(encoding="utf-8").replace(PLACE, task)

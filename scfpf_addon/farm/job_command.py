@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from ..bridge.render.command_line import COMMANDS, Command, frame_number, named_camera, open_file
+from ..bridge.render.command_line import COMMANDS, Command, add_film_arguments, named_camera, open_file
 from ..projection.user_error import UserError
 from .render_job_files import plan_job, priced, write_job, write_job_type
 from .template import WAYS, counted, needs_text, price_text
@@ -34,7 +34,7 @@ def _declare_job(commands) -> None:
         help="write a job for a render farm",
         description="Write a render job in the format of Open Job Description, and tell its price.",
     )
-    job.add_argument("file", metavar="FILE.blend", type=Path, help="the file to render")
+    add_film_arguments(job, "the frames of the film")
     job.add_argument(
         "-o",
         "--output",
@@ -45,14 +45,7 @@ def _declare_job(commands) -> None:
     )
     job.add_argument("--way", choices=list(WAYS), required=True, help="how pictures are rendered")
     job.add_argument(
-        "--frames",
-        metavar=("FIRST", "LAST"),
-        nargs=2,
-        type=frame_number,
-        help="the frames (default: those of the scene)",
-    )
-    job.add_argument(
-        "--chunk", metavar="N", type=_chunk, help="frames of a task (default: 5, or 32 with the way eevee)"
+        "--chunk", metavar="N", type=_chunk, help="pictures of a task (default: 5, or 32 with the way eevee)"
     )
     job.add_argument(
         "--tiles",
@@ -61,8 +54,12 @@ def _declare_job(commands) -> None:
         default=(1, 1),
         help="columns and rows of tiles that a huge picture is rendered in",
     )
-    job.add_argument("--resume", action="store_true", help="keep pictures that exist")
-    job.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
+    job.add_argument(
+        "--extension",
+        metavar="ZIP",
+        help="the extension's zip, which workers without it load for their task (default: one of this "
+        "version beside the file, if there is one)",
+    )
     job.add_argument(
         "--blender", metavar="COMMAND", default="blender", help="Blender on workers (default: blender)"
     )

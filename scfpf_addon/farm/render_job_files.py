@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,11 +16,13 @@ import bpy
 
 from ..bridge.blender import versions
 from ..bridge.blender.atomic_files import replacing
-from ..bridge.render.image_file import FILE_FORMATS, is_multilayer
+from ..bridge.render.command_line import frames_of
+from ..bridge.render.image_file import FILE_FORMATS
 from ..bridge.render.image_size import image_size
 from ..cycles.rig_data import CYCLES, rig_of
 from ..projection.user_error import Message, UserError
 from . import flamenco, task_script
+from .archive import found_zip, require_zip
 from .assets import assets_of
 from .template import WAYS, Asset, RenderPlan, bundle, requirements_text
 
@@ -31,38 +34,54 @@ MARGIN = 1.25
 def plan_job(scene, options: Namespace) -> tuple[RenderPlan, list[Message]]:
     """The plan of a job for the open, saved file, and what should be known about it.
 
-    options: way, frames, chunk, tiles, camera, resume and blender as in ``RenderPlan``; frames None for those
-    of the scene, chunk None for the usual one. Raises UserError.
+    options: way, chunk, tiles, camera, resume and blender as in ``RenderPlan``, chunk None for the usual one;
+    frames as of ``command_line.frames_of``; extension: the path of its zip, None for one beside the file or
+    the extension, if there is one. Raises UserError.
     """
     path = bpy.data.filepath
     if not path:
         raise UserError(NOT_SAVED)
     path = os.path.abspath(path)
-    first, last = options.frames or (scene.frame_start, scene.frame_end)
-    if last < first:
-        raise UserError("The last frame {0} comes before the first one {1}", last, first)
+    frames = frames_of(scene, options.frames)
     _require_way(scene, options.way)
     warnings = _require_tiles(scene, options)
     assets, absent = assets_of(path)
-    chunk = options.chunk or WAYS[options.way].chunk
     warnings += [Message("The file uses '{0}', which is absent", name) for name in absent]
-    module = task_script.extension()
+    version = task_script.version_of(task_script.extension()) if WAYS[options.way].extension else ""
     plan = RenderPlan(
         path,
         Asset(path, os.path.getsize(path), task_script.digest_of(path)),
         options.way,
-        (first, last),
-        chunk,
+        (frames.start, frames.stop - 1),
+        frames.step,
+        options.chunk or WAYS[options.way].chunk,
         options.tiles,
         options.camera or "",
         resume=options.resume,
         blender=options.blender,
         version=f"{bpy.app.version[0]}.{bpy.app.version[1]}",
-        extension=task_script.version_of(module) if WAYS[options.way].extension else "",
+        extension=version,
+        archive=_archive(options, path, version),
         skips=tuple(task_script.skips_of_file()) if options.way == "cycles" else (),
         assets=tuple(assets),
+        absent=tuple(absent),
     )
     return plan, warnings
+
+
+def _archive(options: Namespace, scene_file: str, version: str) -> Asset | None:
+    """The zip of the extension that a job takes along, None for none. Raises UserError."""
+    if not version:
+        if options.extension:
+            raise UserError("A rig needs no extension: leave its zip out, or choose another way than cycles")
+        return None
+    own = os.path.dirname(task_script.extension().__file__)
+    near = os.path.dirname(scene_file), os.path.join(own, "dist")
+    path = options.extension or found_zip(near, version)
+    if not path:
+        return None
+    path = require_zip(bpy.path.abspath(path), version)
+    return Asset(path, os.path.getsize(path), task_script.digest_of(path))
 
 
 def _require_way(scene, way: str) -> None:
@@ -86,17 +105,22 @@ def _require_tiles(scene, options: Namespace) -> list[Message]:
     render, warnings = scene.render, []
     if not WAYS[options.way].tiles:
         raise UserError(
-            "Tiles need the way engine or cycles: '{0}' joins whole pictures", WAYS[options.way].title
+            "Tiles need the way engine, cycles or layers: '{0}' joins whole pictures", WAYS[options.way].title
         )
-    if is_multilayer("picture.exr", scene) or render.use_multiview:
-        raise UserError("Tiles join one picture: choose a format without layers, and switch Stereoscopy off")
+    editor = scene.sequence_editor
+    if render.use_sequencer and editor is not None and len(versions.strips(editor)):
+        raise UserError(
+            "Tiles are of the scene: switch the sequencer off in Output Properties > Post Processing"
+        )
+    if render.use_freestyle and options.way != "layers":
+        raise UserError(
+            "Freestyle draws its lines over whole pictures: switch it off, or render without tiles"
+        )
     width, height = image_size(scene)
     if options.tiles[0] > width or options.tiles[1] > height:
         raise UserError("A picture of {0} × {1} pixels has fewer pixels than tiles", width, height)
-    if options.way == "cycles" and scene.cycles.use_denoising:
+    if options.way != "engine" and scene.cycles.use_denoising:
         warnings.append(Message("Each tile is denoised by itself, which may show at their edges"))
-    if render.use_compositing and versions.present_compositor_tree(scene) is not None:
-        warnings.append(Message("The compositor runs on each tile by itself"))
     if render.use_border:
         warnings.append(Message("The render region is left out: tiles cover the whole picture"))
     return warnings
@@ -158,7 +182,21 @@ def _peak() -> int:
 
 def write_job(plan: RenderPlan, folder: str) -> list[str]:
     """Write the files of a job into a folder, made if it is absent; return their paths. Raises UserError."""
-    return _write(bundle(plan, os.path.abspath(folder)), folder)
+    copied = [] if plan.archive is None else [_copy(plan.archive.path, folder)]
+    return copied + _write(bundle(plan, os.path.abspath(folder)), folder)
+
+
+def _copy(path: str, folder: str) -> str:
+    """Copy a file into a folder, made if it is absent; return its path there. Raises UserError."""
+    copy = Path(folder, os.path.basename(path))
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if not (copy.exists() and os.path.samefile(path, copy)):
+            with replacing(copy) as part:
+                shutil.copyfile(path, part)
+    except OSError as error:
+        raise UserError("Cannot write '{0}': {1}", folder, error.strerror or error) from error
+    return str(copy)
 
 
 def write_job_type(folder: str) -> str:

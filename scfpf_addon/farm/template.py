@@ -21,7 +21,7 @@ class Way(NamedTuple):
     """A way to render a flexible camera's film.
 
     title: for people. extension: whether workers need SCFPF. gpu: whether they need a graphics card. tiles:
-    whether a picture can be divided. needs: what a worker's memory holds. chunk: usual frames of a task.
+    whether a picture can be divided. needs: what a worker's memory holds. chunk: usual pictures of a task.
     """
 
     title: str
@@ -37,7 +37,7 @@ WAYS = {
         "SCFPF's own engine", True, False, True, "the scene, its acceleration structure and a film"
     ),
     "cycles": Way("Cycles through the rig in the file", False, False, True, "the scene and the rig's sheets"),
-    "layers": Way("image layers by Cycles", True, False, False, "the scene, and a picture a layer and pass"),
+    "layers": Way("image layers by Cycles", True, False, True, "the scene, and a picture a layer and pass"),
     "eevee": Way(
         "EEVEE through anchors", True, True, False, "the scene, and a picture and depths an anchor", 32
     ),
@@ -59,15 +59,18 @@ class RenderPlan(NamedTuple):
     """What a render job is to do.
 
     scene: the absolute path of the .blend file. camera: empty for that of the file. frames: the first and the
-    last. chunk: frames of a task. tiles: columns and rows. blender: the command on workers. version: of
-    Blender, such as "5.2". extension: the version of SCFPF that workers must have, empty if they need none.
-    skips: see ``task_script.skips_of_file``. memory: bytes that a worker needs, 0 if unknown.
+    last. step: from a picture's frame to the next one. chunk: pictures of a task. tiles: columns and rows.
+    blender: the command on workers. version: of Blender, such as "5.2". extension: the version of SCFPF that
+    workers must have, empty if they need none. archive: the zip of it that the job takes along, empty for
+    none. skips: see ``task_script.skips_of_file``. absent: paths that the file uses and that were absent when
+    the job was written. memory: bytes that a worker needs, 0 if unknown.
     """
 
     scene: str
     digest: Asset
     way: str
     frames: tuple[int, int]
+    step: int = 1
     chunk: int = 5
     tiles: tuple[int, int] = (1, 1)
     camera: str = ""
@@ -77,7 +80,9 @@ class RenderPlan(NamedTuple):
     version: str = ""
     extension: str = ""
     skips: tuple[str, ...] = ()
+    archive: Asset | None = None
     assets: tuple[Asset, ...] = ()
+    absent: tuple[str, ...] = ()
     memory: int = 0
 
     @property
@@ -87,8 +92,8 @@ class RenderPlan(NamedTuple):
 
     @property
     def frame_count(self) -> int:
-        """The number of frames."""
-        return self.frames[1] - self.frames[0] + 1
+        """The number of frames that are rendered."""
+        return len(range(self.frames[0], self.frames[1] + 1, self.step))
 
     @property
     def task_count(self) -> int:
@@ -104,7 +109,10 @@ def requirements(plan: RenderPlan) -> dict[str, Any]:
         "camera": plan.camera,
         "scene": {"bytes": plan.digest.bytes, "sha256": plan.digest.sha256},
         "assets": [asset._asdict() for asset in plan.assets],
+        "absent": list(plan.absent),
     }
+    if plan.archive is not None:
+        found["archive"] = plan.archive.sha256
     if plan.way == "cycles":
         found["skips"] = list(plan.skips)
     return found
@@ -138,6 +146,8 @@ def bundle(plan: RenderPlan, folder: str) -> dict[str, str]:
     scene = Path(plan.scene)
     values = parameter_values(plan)
     inputs = [plan.scene, *(str(scene.parent / asset.path) for asset in plan.assets)]
+    if plan.archive is not None:
+        inputs.append(str(Path(folder) / Path(plan.archive.path).name))
     files = {
         "template.json": job_template(plan),
         "parameters.json": values,
@@ -158,6 +168,7 @@ def bundle(plan: RenderPlan, folder: str) -> dict[str, str]:
 def _parameters(plan: RenderPlan) -> list[dict[str, Any]]:
     first, last = plan.frames
     return [
+        *_archive_parameter(plan),
         {
             "name": "SceneFile",
             "type": "PATH",
@@ -185,9 +196,16 @@ def _parameters(plan: RenderPlan) -> list[dict[str, Any]]:
         {
             "name": "FramesPerTask",
             "type": "INT",
-            "default": plan.chunk,
+            "default": plan.chunk * plan.step,
             "minValue": 1,
-            "description": "A task opens the file once.",
+            "description": "Frames that a task covers, those between steps too. A task opens the file once.",
+        },
+        {
+            "name": "FrameStep",
+            "type": "INT",
+            "default": plan.step,
+            "minValue": 1,
+            "description": "From one frame that is rendered to the next one.",
         },
         {
             "name": "Resume",
@@ -203,6 +221,21 @@ def _parameters(plan: RenderPlan) -> list[dict[str, Any]]:
             "minLength": 1,
             "description": f"The command or the path of Blender {plan.version} on workers.",
         },
+    ]
+
+
+def _archive_parameter(plan: RenderPlan) -> list[dict[str, Any]]:
+    if plan.archive is None:
+        return []
+    return [
+        {
+            "name": "Extension",
+            "type": "PATH",
+            "objectType": "FILE",
+            "dataFlow": "IN",
+            "default": Path(plan.archive.path).name,
+            "description": f"The zip of SCFPF {plan.extension}: workers without it load it for their task.",
+        }
     ]
 
 
@@ -239,10 +272,14 @@ def _arguments(plan: RenderPlan, action: str) -> list[str]:
         "first": "{{Task.Param.First}}",
         "last": "{{Param.LastFrame}}",
         "count": "{{Param.FramesPerTask}}",
+        "step": "{{Param.FrameStep}}",
+        "origin": "{{Param.FirstFrame}}",
         "resume": "{{Param.Resume}}",
         "require": "{{Task.File.Require}}",
         "tiles": f"{plan.tiles[0]}x{plan.tiles[1]}",
     }
+    if plan.archive is not None:
+        values["extension"] = "{{Param.Extension}}"
     # Frames may be negative: as one word they are no options.
     return words + [f"--{name}={value}" for name, value in values.items()]
 
@@ -302,7 +339,10 @@ def price_text(plan: RenderPlan, opening: float, seconds: float) -> str:
 def needs_text(plan: RenderPlan) -> str:
     """What a worker needs, in a sentence."""
     way = WAYS[plan.way]
-    parts = [f"Blender {plan.version}", f"SCFPF {plan.extension}" if way.extension else "no extension"]
+    extension = f"SCFPF {plan.extension}"
+    if plan.archive is not None:
+        extension += f", which comes with the job ({Path(plan.archive.path).name})"
+    parts = [f"Blender {plan.version}", extension if way.extension else "no extension"]
     parts.append("a GPU or a software renderer of OpenGL" if way.gpu else "no GPU")
     if plan.memory:
         parts.append(f"{plan.memory / 1e9:.1f} GB of memory ({way.needs})")

@@ -68,7 +68,7 @@ def test_workers_get_the_script_of_tasks_without_places_of_variables(compiled):
     assert "\n" not in program and "{" not in program
     received = []
     exec(program, {"exec": received.append})
-    assert received == [SCRIPT.read_text(encoding="utf-8")]
+    assert received == [SCRIPT.read_bytes()]
     # Windows passes at most 32,767 characters to a program.
     assert sum(len(word) + 3 for word in words) < 30_000
 
@@ -82,7 +82,8 @@ def test_frames_are_rendered_in_chunks(compiled):
         [(options(one)["--first"], options(one)["--last"], one["steps"]) for one in task["commands"]]
         for task in tasks
     ]
-    assert runs == [[("1", "3", 3)], [("4", "6", 3)], [("7", "7", 1), ("20", "20", 1)]]
+    assert runs == [[("1", "3", 3)], [("4", "6", 3)], [("7", "20", 2)]]
+    assert options(tasks[2]["commands"][0])["--step"] == "13"
     given = options(tasks[0]["commands"][0])
     assert given["action"] == "render" and given["--scene"] == "/in/my film.blend"
     assert given["--output"] == "/out/film/stamp-7" and given["--name"] == "film_####"
@@ -94,6 +95,33 @@ def test_chunks_of_two_frames_are_one_command(compiled):
     assert [task["name"] for task in tasks] == ["render-1,2", "render-3,4"]
     assert [len(task["commands"]) for task in tasks] == [1, 1]
     assert options(tasks[1]["commands"][0])["--count"] == "2"
+
+
+def test_frames_of_a_step_are_one_command(compiled):
+    tasks = compiled(frames="1,4,7,10,13,14,20", chunk_size=4)["tasks"]
+    found = [
+        [
+            [options(one)[each] for each in ("--first", "--last", "--count", "--step")]
+            for one in task["commands"]
+        ]
+        for task in tasks
+    ]
+    assert found == [[["1", "10", "10", "3"]], [["13", "14", "2", "1"], ["20", "20", "1", "1"]]]
+    assert [one["steps"] for task in tasks for one in task["commands"]] == [4, 2, 1]
+
+
+def test_a_zip_of_the_extension_is_given_to_workers(compiled):
+    (command, *_) = compiled(extension="/shared/scfpf.zip")["tasks"][0]["commands"]
+    assert options(command)["--extension"] == "/shared/scfpf.zip"
+
+
+def test_missing_files_refuse_a_job_that_does_not_allow_them(compiled):
+    missing = json.dumps(["/in/library {a}.blend", "/in/wood.png"])
+    found = compiled(missing=missing)
+    assert found["tasks"] == []
+    assert 'uses 2 files that are missing, such as "/in/library {a}.blend"' in found["told"]
+    (command, *_) = compiled(missing=missing, allow_missing=True)["tasks"][0]["commands"]
+    assert json.loads(options(command)["--require"])["absent"] == ["/in/library {a}.blend", "/in/wood.png"]
 
 
 def test_tiles_are_joined_when_all_are_rendered(compiled):
@@ -108,7 +136,7 @@ def test_tiles_are_joined_when_all_are_rendered(compiled):
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        ({"tiles": "2x2", "way": "eevee"}, "Tiles need the way engine or cycles"),
+        ({"tiles": "2x2", "way": "eevee"}, "Tiles need the way engine, cycles or layers"),
         ({"tiles": "0x2"}, "Tiles are columns and rows"),
         ({"tiles": "four"}, "Tiles are columns and rows"),
     ],

@@ -130,6 +130,12 @@ def present_compositor_tree(scene):
     return scene.node_tree if scene.use_nodes else None
 
 
+def switch_writing_on(scene) -> None:
+    """Let renders write the scene's output, which from Blender 5 on a file may leave to the compositor."""
+    if hasattr(scene.render, "save_output"):
+        scene.render.save_output = True
+
+
 def strips(editor):
     """The strips of a sequence editor."""
     return editor.strips if hasattr(editor, "strips") else editor.sequences

@@ -8,7 +8,7 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,6 +72,44 @@ def frame_number(text: str) -> int:
     return value
 
 
+class _Frames(argparse.Action):
+    """The first frame, the last one and, if given, the step."""
+
+    def __call__(self, _parser, namespace, values, option_string=None):
+        if len(values) not in (2, 3) or (len(values) == 3 and values[2] < 1):
+            raise UserError(
+                f"{option_string} needs a first frame, a last one, and at most a step of 1 or more"
+            )
+        setattr(namespace, self.dest, (*values, None)[:3])
+
+
+def add_film_arguments(command: argparse.ArgumentParser, frames: str) -> None:
+    """Declare what commands that render films have in common. frames: the help of --frames."""
+    command.add_argument("file", metavar="FILE.blend", type=Path, help="the file to render")
+    command.add_argument(
+        "--frames",
+        metavar="N",
+        nargs="+",
+        type=frame_number,
+        action=_Frames,
+        help=f"{frames}: the first, the last and the step (default: the scene's)",
+    )
+    command.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep pictures of --frames that exist, whatever the file says",
+    )
+    command.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
+
+
+def frames_of(scene, frames: tuple[int, int, int | None] | None) -> range:
+    """The frames of a film. frames: those of --frames, None for the scene's. Raises UserError without any."""
+    first, last, step = frames or (scene.frame_start, scene.frame_end, None)
+    if last < first:
+        raise UserError("The last frame {0} comes before the first one {1}", last, first)
+    return range(first, last + 1, step or scene.frame_step)
+
+
 def parser() -> argparse.ArgumentParser:
     """The grammar of the command."""
     top = _Parser(
@@ -83,7 +121,9 @@ def parser() -> argparse.ArgumentParser:
         help="render a picture through a flexible camera",
         description="Render a picture through a flexible camera of a .blend file.",
     )
-    render.add_argument("file", metavar="FILE.blend", type=Path, help="the file to render")
+    add_film_arguments(
+        render, "the frames of an animation, with --cycles or --engine; # in OUT stands for their digits"
+    )
     render.add_argument(
         "-o",
         "--output",
@@ -102,21 +142,8 @@ def parser() -> argparse.ArgumentParser:
         choices=["eevee", "workbench", "scene"],
         help="join the picture from ordinary ones by this engine, or by that of the file's scene",
     )
-    render.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
     render.add_argument(
         "--frame", metavar="N", type=frame_number, help="the frame (default: the file's current one)"
-    )
-    render.add_argument(
-        "--frames",
-        metavar=("FIRST", "LAST"),
-        nargs=2,
-        type=frame_number,
-        help="the frames of an animation, with --cycles or --engine; # in OUT stands for their digits",
-    )
-    render.add_argument(
-        "--resume",
-        action="store_true",
-        help="keep the pictures of --frames that exist, whatever the file says",
     )
     render.add_argument(
         "--pixel-error",
@@ -177,13 +204,13 @@ def _render(options) -> None:
         scene.scfpf_drawn.use_drawn = False
     elif options.style:
         apply_style(scene, options.style.upper())
-    camera = named_camera(scene, options.camera)
     if options.resume:
         scene.render.use_overwrite = False
     if options.cycles or options.engine:
-        _render_by_others(camera, options, output)
+        frames = frames_of(scene, options.frames) if options.frames else ()
+        render_by_others(scene, options.camera, options.engine or "cycles", frames, output)
         return
-    inputs = prepare(scene, bpy.context.view_layer, camera, options.pixel_error)
+    inputs = prepare(scene, bpy.context.view_layer, named_camera(scene, options.camera), options.pixel_error)
     for warning in inputs.scene.warnings:
         print(f"scfpf: warning: {warning}", file=sys.stderr)
     job = RenderJob(inputs)
@@ -193,15 +220,19 @@ def _render(options) -> None:
     print(f"scfpf: {path}: {frame.report.summary()}")
 
 
-def _render_by_others(camera, options, output: str) -> None:
-    """Render one frame or several by Cycles, layers included, or by the engine of an option."""
-    first, last = options.frames or (0, -1)
-    frames = range(first, last + 1)
-    if options.cycles:
+def render_by_others(scene, camera_name: str | None, engine: str, frames: Sequence[int], output: str) -> None:
+    """Render files by Cycles, layers included, or by joining renders of another engine; print the outcome.
+
+    camera_name: None for the camera of the scene. engine: "cycles", "eevee", "workbench", or "scene" for that
+    of the scene. frames: none for the present one. output: the absolute path, # for digits. Raises UserError.
+    """
+    output = with_ending(output, scene)
+    camera = named_camera(scene, camera_name)
+    if engine == "cycles":
         warnings, outcome = CYCLES_RENDERS[0](camera, frames, output)
     else:
         engines = {"eevee": versions.EEVEE, "workbench": "BLENDER_WORKBENCH", "scene": ""}
-        warnings, outcome = ENGINE_RENDERS[0](engines[options.engine], camera, frames, output)
+        warnings, outcome = ENGINE_RENDERS[0](engines[engine], camera, frames, output)
     for warning in warnings:
         print(f"scfpf: warning: {warning}", file=sys.stderr)
     print(f"scfpf: {output}: {outcome}")

@@ -13,6 +13,7 @@ import bpy
 from ...projection.user_error import UserError
 from ..blender import versions
 from ..blender.atomic_files import is_complete_image, replacing, require_writable, reserve
+from .dithered_file import is_dithered, save_dithered
 
 # Extension → Blender's file format, colour channels and bits a channel.
 FILE_FORMATS = {
@@ -78,7 +79,7 @@ def is_multilayer(path: str, scene) -> bool:
 
 
 def save_result(image, path: str, scene, with_passes: bool = False) -> str:
-    """Write an image to a file through the scene's view transform; return the path written.
+    """Write an image to a file through the scene's view transform, dithered as F12; return the path written.
 
     with_passes: write all passes of a multilayer image. The ending of ``path`` chooses the format. The
     scene's output settings apply if they are of that format; a path without an ending gets theirs. EXR keeps
@@ -97,7 +98,10 @@ def save_result(image, path: str, scene, with_passes: bool = False) -> str:
         ):
             if extension == ".webp":
                 reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)
-            image.save_render(str(part), scene=scene)
+            if is_dithered(scene) and not with_passes:
+                save_dithered(image, str(part), scene)
+            else:
+                image.save_render(str(part), scene=scene)
             # Blender reports no error for a PNG, a TIFF or a WebP that it could not write to the end.
             if not is_complete_image(part):
                 raise UserError("Cannot write '{0}': {1}", path, CUT_OFF)

@@ -47,13 +47,23 @@ class ShownPixels(NamedTuple):
         values = self.passes[name].values
         return widened(values, self.window, window, 0.0).reshape(-1, values.shape[2])
 
+    def in_image(self, size: tuple[int, int]) -> ShownPixels:
+        """The same in all pixels of an image of a size, as F12 leaves them around a render region."""
+        whole = Border(0, 0, *size)
+        passes = {
+            name: each._replace(values=widened(each.values, self.window, whole, 0.0))
+            for name, each in self.passes.items()
+        }
+        color = widened(self.color, self.window, whole, 0.0)
+        return self._replace(window=whole, color=color, passes=passes)
+
 
 def widened(values: NDArray, own: Border, window: Border, empty: float) -> NDArray:
     """The values (H, W, ...) of a window's pixels: those of the window ``own``, elsewhere ``empty``."""
     shape = (window.top - window.bottom, window.right - window.left, *values.shape[2:])
     every = np.full(shape, empty, values.dtype)
-    if (shared := _shared(own, window)) is not None:
-        every[slices(shared, window)] = values[slices(shared, own)]
+    if (common := shared(own, window)) is not None:
+        every[slices(common, window)] = values[slices(common, own)]
     return every
 
 
@@ -63,8 +73,8 @@ def padded(keys: Array, own: Border, window: Border, places: int) -> Array:
     places: S, or any number if S is 1.
     """
     every = np.full((places, window.top - window.bottom, window.right - window.left), np.inf)
-    if (shared := _shared(own, window)) is not None:
-        every[(slice(None), *slices(shared, window))] = keys[(slice(None), *slices(shared, own))]
+    if (common := shared(own, window)) is not None:
+        every[(slice(None), *slices(common, window))] = keys[(slice(None), *slices(common, own))]
     return every
 
 
@@ -138,12 +148,12 @@ def slices(window: Border, within: Border) -> tuple[slice, slice]:
     return rows, slice(window.left - within.left, window.right - within.left)
 
 
-def _shared(one: Border, other: Border) -> Border | None:
+def shared(one: Border, other: Border) -> Border | None:
     """The pixels that two windows have in common, None without any."""
-    shared = Border(
+    common = Border(
         max(one.left, other.left),
         max(one.bottom, other.bottom),
         min(one.right, other.right),
         min(one.top, other.top),
     )
-    return shared if shared.left < shared.right and shared.bottom < shared.top else None
+    return common if common.left < common.right and common.bottom < common.top else None

@@ -34,7 +34,7 @@ from ..hidden_surfaces import has_rendered
 from ..rig_data import rigs
 from ..seen_data import materials_of
 from ..skipping.reasons import displaces, has_volume, links
-from .joined_layers import within
+from .joined_layers import shared, within
 from .temporary_scene import TemporaryScene
 
 # Pixels around a layer's own that its things may colour besides the filter's.
@@ -144,8 +144,8 @@ class ReadViews:
         assert found is not None
         return found[0]
 
-    def window(self, number: int) -> Border | None:
-        """The rectangle of pixels that may show a layer (from 1 on) or its halo; None if none may."""
+    def window(self, number: int, region: Border) -> Border | None:
+        """The rectangle in a region that may show a layer (from 1 on) or its halo; None if none may."""
         found = self.bounds(number)
         if found is None:
             return None
@@ -170,12 +170,8 @@ class ReadViews:
         if window is None:
             return None
         more = MARGIN + int(np.ceil(self.filter_width / 2))
-        return Border(
-            max(window.left - more, 0),
-            max(window.bottom - more, 0),
-            min(window.right + more, width),
-            min(window.top + more, height),
-        )
+        wider = Border(window.left - more, window.bottom - more, window.right + more, window.top + more)
+        return shared(wider, region)
 
     def beyond(self, number: int) -> frozenset[int]:
         """Session ids of the objects of layer 0 that are outside of a layer's halo."""

@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...bridge.render.image_size import render_region
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
 from ...projection.typing import Array, BoolArray
-from ...projection.user_error import Message
+from ...projection.user_error import Message, UserError
 from ...projection.volume.viewing_volume import ImageLayer
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
@@ -55,7 +56,10 @@ class LayeredRender:
         del camera
         self.warnings += [*read.layers.warnings, *self._passing.passes.warnings]
         self._passing.add_groups(read.layers.members, len(read.views))
-        found = {number: read.window(number) for number in range(1, len(read.views))}
+        render = self._passing.scene.render
+        region, is_cropped = _region(render, read.size), render.use_crop_to_border
+        del render
+        found = {number: read.window(number, region) for number in range(1, len(read.views))}
         windows = {number: window for number, window in found.items() if window is not None}
         fronts = {number: read.layers.layers[number - 1].front for number in windows}
         counts = [3 if layer.halo > 0.0 else 1 + (layer.front == "DEPTH") for layer in read.layers.layers]
@@ -77,9 +81,12 @@ class LayeredRender:
         with seen_through(self._passing, read.views[0]) as cautions:
             self._caution(cautions)
             renders = ViewRenders(self._passing, read, 0)
-            rest = yield from renders.rest(around(compared) if compared else None, [*shown.values()])
+            shown_around = around(compared) if compared else None
+            rest = yield from renders.rest(region, shown_around, [*shown.values()])
         if shown:
             join_into(rest, [*shown.values()])
+        if not is_cropped:
+            rest = rest.in_image(read.size)
         self.pixels, self.passes = rest.color, delivered(rest.passes, self._passing.passes)
 
     def _caution(self, texts: list[str]) -> None:
@@ -101,18 +108,21 @@ class ViewRenders:
         return self._read.layers.layers[self._number - 1]
 
     def rest(
-        self, compared: Border | None, layers: Sequence[ShownPixels]
+        self, region: Border, compared: Border | None, layers: Sequence[ShownPixels]
     ) -> Generator[str, None, ShownPixels]:
-        """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
+        """Render what is in no layer.
+
+        region: the pixels to render. compared: those in which its keys matter, None without any.
+        """
         whole, keys = Border(0, 0, *self._read.size), np.full((1, 1, 1), np.inf)
         if compared is not None:
             keys = self._keys(*(yield from self._places(self._name, compared)))
         else:
             compared = Border(0, 0, 1, 1)
         needless = hidden_behind(layers, keys, compared, whole)
-        shot = yield from self._colors(self._name, whole, needless)
+        shot = yield from self._colors(self._name, region, needless)
         first = self._first_keys(shot, shot.is_hit)
-        return ShownPixels(whole, shot.color, compared, keys, shot.passes, first)
+        return ShownPixels(region, shot.color, compared, keys, shot.passes, first)
 
     def layer(self, window: Border) -> Generator[str, None, ShownPixels | None]:
         """Render a layer; None if nothing of it is seen. window: the pixels in which it may be seen."""
@@ -237,6 +247,14 @@ class LayerRender(NamedTuple):
         passes = {name: Pass(letters, values[own]) for name, (letters, values) in self.passes.items()}
         every = (slice(None), slice(None), *own)
         return LayerRender(self.color[own], passes, self.position[every], self.is_hit[every[1:]])
+
+
+def _region(render, size: tuple[int, int]) -> Border:
+    """The pixels of an image of a size that a scene's render region leaves. Raises UserError without any."""
+    region = render_region(render, *size) or Border(0, 0, *size)
+    if region.left >= region.right or region.bottom >= region.top:
+        raise UserError("The render region has no pixels: enlarge it, or press Ctrl-Alt-B to clear it")
+    return region
 
 
 def _lay_in(shot: LayerRender, near: LayerRender, share: Array, shows: BoolArray) -> None:

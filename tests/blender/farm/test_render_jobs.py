@@ -1,119 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Jobs for farms run by ``openjd run`` on this machine, beside the pictures of one Blender."""
 
+import io
 import json
-import os
-import pathlib
+import platform
 import re
-import subprocess
 import sys
-import time
+import zipfile
 
 import bpy
 import numpy as np
 import pytest
+from farm_jobs import FRAMES, SIZE, extension_zip, openjd, pixels, requirements_of, set_up_cycles
 
-from devtools import farm_tools
-
-WORKER = pathlib.Path(__file__).parents[1] / "support" / "worker.py"
-SIZE = (24, 16)
-FRAMES = (1, 2, 3)
 STAND_IN = "BLENDER_WORKBENCH"
-
-
-@pytest.fixture
-def scene():
-    """A cube that moves past a flexible camera, small and quick for every engine."""
-    scene = bpy.context.scene
-    render = scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
-    render.engine, render.threads_mode, render.threads = "CYCLES", "FIXED", 2
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 2, False, False
-    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
-    bpy.ops.mesh.primitive_cube_add(size=2)
-    cube = bpy.context.object
-    for frame, x in ((1, -1.5), (3, 1.5)):
-        cube.location.x = x
-        cube.keyframe_insert("location", frame=frame)
-    bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))
-    bpy.ops.scfpf.camera_add()
-    bpy.context.object.scfpf.samples = 1
-    scene.camera = bpy.context.object
-    return scene
-
-
-@pytest.fixture
-def saved(scene, tmp_path):
-    """The scene's file in a folder of its own."""
-    (tmp_path / "film").mkdir()
-    path = tmp_path / "film" / "film.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
-
-
-@pytest.fixture
-def command(addon):
-    return lambda *arguments: addon("bridge.render.command_line").run([str(one) for one in arguments])
-
-
-@pytest.fixture
-def blender(tmp_path):
-    """The command of a worker's Blender."""
-    if bpy.app.binary_path:
-        return bpy.app.binary_path
-    path = tmp_path / ("blender.bat" if os.name == "nt" else "blender")
-    line = f'"{sys.executable}" "{WORKER}"'
-    path.write_text(f"@{line} %*\n" if os.name == "nt" else f'#!/bin/sh\nexec {line} "$@"\n')
-    path.chmod(0o755)
-    return str(path)
-
-
-def set_up_cycles():
-    """Give the open file a rig, and save it."""
-    assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
-    bpy.ops.wm.save_mainfile()
-
-
-@pytest.fixture
-def task(addon):
-    """Run a task in this Blender, of the frames from 1 on, and return its status."""
-
-    def run(saved, output, *words, action="render", last=3, require=None):
-        given = [action, "--scene", saved, "--output", output, "--name", "film_####", "--first", 1]
-        given += ["--last", last, "--count", last, "--require", json.dumps(require or {}), *words]
-        return addon("farm.task_script").run([str(word) for word in given])
-
-    return run
-
-
-def requirements_of(job):
-    """What the tasks of a job check."""
-    template = json.loads((job / "template.json").read_text(encoding="utf-8"))
-    files = template["steps"][0]["script"]["embeddedFiles"]
-    return json.loads(next(file["data"] for file in files if file["name"] == "Require"))
-
-
-def openjd(job, blender, *more, environ=None):
-    """Run a job by openjd, and return what it printed and its status."""
-    words = [farm_tools.python(), "-m", "openjd", "run", str(job / "template.json"), "--job-param"]
-    words += [f"file://{job / 'parameters.json'}", "--job-param", f"Blender={blender}", *more]
-    done = subprocess.run(
-        words,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env={**os.environ, **(environ or {})},
-        cwd=job,
-    )
-    return done.stdout, done.returncode
-
-
-def pixels(path):
-    image = bpy.data.images.load(str(path))
-    values = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(values)
-    bpy.data.images.remove(image)
-    return values
 
 
 def by_one_blender(command, saved, way, folder):
@@ -154,6 +54,76 @@ def test_three_frames_are_those_of_one_blender(
     assert not np.array_equal(made[0], made[2])
 
 
+def test_workers_without_the_extension_load_the_job_s_zip(command, saved, blender, tmp_path, capsys):
+    """For their task only; a job of a rig has none."""
+    job, archive = tmp_path / "job", extension_zip(tmp_path)
+    words = ("job", saved, "-o", job, "--frames", 1, 1, "--no-price", "--extension", archive)
+    assert command(*words, "--way", "engine") == 0
+    assert "SCFPF 1.0.0, which comes with the job (scfpf.zip)" in capsys.readouterr().out
+    named = json.loads((job / "asset_references.json").read_text(encoding="utf-8"))
+    assert str(job / "scfpf.zip") in named["assetReferences"]["inputs"]["filenames"]
+    archive.unlink()
+    told, status = openjd(job, blender, environ={"SCFPF_WITHOUT": "yes"})
+    assert status == 0 and "SCFPF 1.0.0" in told, told
+    assert "left behind: []" in told, told + "the worker's extensions and Python packages are as before"
+    one = by_one_blender(command, saved, "engine", tmp_path)[0]
+    assert np.array_equal(pixels(job / "pictures" / "film_0001.png"), one)
+    (job / "scfpf.zip").write_bytes(b"something else")
+    told, status = openjd(job, blender, environ={"SCFPF_WITHOUT": "yes"})
+    assert status != 0 and "scfpf.zip is not the job's zip of the extension" in told
+
+
+def test_a_zip_beside_the_file_is_found(addon, command, saved, tmp_path, capsys):
+    archive = extension_zip(tmp_path)
+    archive.rename(saved.parent / "scfpf-1.0.0.zip")
+    words = ("job", saved, "-o", tmp_path / "job", "--no-price")
+    assert command(*words, "--way", "layers") == 0
+    assert (tmp_path / "job" / "scfpf-1.0.0.zip").exists()
+    set_up_cycles()
+    assert command(*words[:3], tmp_path / "rig", "--no-price", "--way", "cycles") == 0
+    assert not list((tmp_path / "rig").glob("*.zip"))
+    assert (
+        "Extension"
+        not in (tmp_path / "rig" / "template.json").read_text(encoding="utf-8").split("scfpf_task.py")[0]
+    )
+
+
+def test_a_zip_s_packages_are_those_for_this_python(addon, tmp_path, monkeypatch):
+    """Nothing else of the wheels is left to Blender, which would install them for good."""
+    script = addon("farm.task_script")
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    python = f"cp{sys.version_info[0]}{sys.version_info[1]}"
+    systems = (
+        "manylinux_2_28_x86_64",
+        "manylinux_2_28_aarch64",
+        "win_amd64",
+        "macosx_13_0_arm64",
+        "macosx_13_0_x86_64",
+    )
+    names = [f"thing-1.0-{tag}-{tag}-{system}.whl" for tag in (python, "cp399") for system in systems]
+    path = tmp_path / "given.zip"
+    manifest = 'id = "scfpf"\nwheels = [\n  "./wheels/a.whl",\n]\n[build]\nx = 1\n'
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("blender_manifest.toml", manifest)
+        for name in names:
+            content = io.BytesIO()
+            with zipfile.ZipFile(content, "w") as wheel:
+                wheel.writestr(f"{name}.py", "")
+            archive.writestr(f"wheels/{name}", content.getvalue())
+    script.unpack(str(path), str(tmp_path / "scfpf"), str(tmp_path / "packages"))
+    (unpacked,) = (tmp_path / "packages").iterdir()
+    found = unpacked.name.removesuffix(".whl.py")
+    assert f"-{python}-" in found and found.endswith(platform.machine().lower())
+    assert {"linux": "manylinux", "darwin": "macosx", "win32": "win"}[sys.platform] in found
+    assert sys.path[0] == str(tmp_path / "packages") and not (tmp_path / "scfpf" / "wheels").exists()
+    assert (tmp_path / "scfpf" / "blender_manifest.toml").read_text() == 'id = "scfpf"\n\n[build]\nx = 1\n'
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("blender_manifest.toml", manifest)
+        archive.writestr("wheels/thing-1.0-cp399-cp399-win_arm64.whl", b"")
+    with pytest.raises(script.Fault, match="made for another system"):
+        script.unpack(str(path), str(tmp_path / "other"), str(tmp_path / "none"))
+
+
 def test_tiles_are_joined_to_the_picture_of_one_blender(command, saved, blender, tmp_path):
     job = tmp_path / "job"
     words = ("--way", "engine", "--frames", 2, 2, "--tiles", "2x2", "--no-price")
@@ -188,27 +158,6 @@ def test_a_task_without_its_tiles_fails(task, saved, tmp_path, capsys):
     assert len(list((tmp_path / "tiles").iterdir())) == 3, "tiles stay until they are joined"
 
 
-def test_a_task_that_is_killed_leaves_whole_pictures_and_runs_again(addon, task, saved, blender, tmp_path):
-    script = addon("farm.task_script").__file__
-    words = [blender, "--background", "--python", script, "--", "render", "--way", "engine"]
-    words += ["--scene", saved, "--output", tmp_path, "--name", "film_####"]
-    words += ["--first", 1, "--last", 5000, "--count", 5000]
-    worker = subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL)
-    limit = time.monotonic() + 120
-    while not (tmp_path / "film_0003.png").exists():
-        assert worker.poll() is None and time.monotonic() < limit
-        time.sleep(0.005)
-    worker.kill()
-    worker.wait()
-    left = sorted(tmp_path.glob("film_*.png"))
-    is_complete = addon("bridge.blender.atomic_files").is_complete_image
-    assert 3 <= len(left) < 5000 and all(is_complete(path) for path in left)
-    before = pixels(left[2])
-    assert task(saved, tmp_path, "--way", "engine", last=len(left) + 1) == 0
-    assert np.array_equal(pixels(left[2]), before)
-    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".film")]
-
-
 def test_a_file_that_writes_no_pictures_by_itself_does_as_a_job(task, saved, tmp_path):
     render = bpy.context.scene.render
     render.use_file_extension = False
@@ -217,55 +166,6 @@ def test_a_file_that_writes_no_pictures_by_itself_does_as_a_job(task, saved, tmp
     bpy.ops.wm.save_mainfile()
     assert task(saved, tmp_path, "--way", "engine", last=1) == 0
     assert (tmp_path / "film_0001.png").exists()
-
-
-def test_a_worker_without_the_extension_says_so_first(saved, blender, addon, tmp_path):
-    script = addon("farm.task_script").__file__
-    words = [blender, "--background", "--python", script, "--", "render", "--way", "engine"]
-    words += ["--scene", saved, "--output", tmp_path / "out", "--name", "film", "--first", 1, "--last", 1]
-    environ = {**os.environ, "SCFPF_WITHOUT": "yes"}
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, env=environ)
-    assert done.returncode == 1
-    assert "has no SCFPF extension: install it there" in done.stderr.splitlines()[0]
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_worker_of_another_blender_is_refused_and_another_extension_named(task, saved, tmp_path, capsys):
-    assert task(saved, tmp_path, "--way", "engine", require={"blender": "2.79"}) == 1
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1 and "made by Blender 2.79 and this worker has" in told.err
-    assert not list(tmp_path.glob("*.png"))
-    assert task(saved, tmp_path, "--way", "engine", require={"extension": "0.0.1"}, last=1) == 0
-    assert "warning: the job was made with SCFPF 0.0.1" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("way", ["engine", "layers"])
-def test_pictures_that_exist_are_kept_on_request(task, saved, tmp_path, way):
-    path = tmp_path / "film_0002.png"
-    path.write_bytes(b"a picture")
-    assert task(saved, tmp_path, "--way", way, "--resume", "true") == 0
-    assert path.read_bytes() == b"a picture"
-    assert all((tmp_path / f"film_{frame:04d}.png").exists() for frame in FRAMES)
-    assert task(saved, tmp_path, "--way", way, last=2) == 0
-    assert path.read_bytes() != b"a picture"
-
-
-def test_what_chords_are_skipped_for_travels_with_the_job(addon, command, task, saved, tmp_path, capsys):
-    set_up_cycles()
-    key = addon("cycles.skipping.refresh").TEXT_KEY
-    assert command("job", saved, "-o", tmp_path / "job", "--way", "cycles", "--no-price") == 0
-    assert "Rays skip the chords of 'Flexible Camera'" in capsys.readouterr().out
-    needs = requirements_of(tmp_path / "job")
-    (portals,) = (obj for obj in bpy.data.objects if key in obj)
-    assert needs["skips"] == [portals[key]] and "at frames 1 to 3" in portals[key]
-    assert task(saved, tmp_path, "--way", "cycles", require=needs, last=1) == 0
-    (portals,) = (obj for obj in bpy.data.objects if key in obj)
-    portals[key] = "made for something else"
-    bpy.ops.wm.save_mainfile()
-    assert task(saved, tmp_path, "--way", "cycles", require={"skips": needs["skips"]}) == 1
-    assert "the rig in this file was made for another scene" in capsys.readouterr().err
-    assert task(saved, tmp_path, "--way", "cycles", require=needs) == 1
-    assert "has changed after the job was written" in capsys.readouterr().err
 
 
 def test_files_that_a_scene_uses_are_named_and_checked(command, task, saved, tmp_path, capsys):
@@ -319,13 +219,15 @@ def test_the_price_is_told_and_the_memory_asked_for(command, saved, tmp_path, ca
 
 FAILURES = {
     "no rig": (["--way", "cycles"], "The file has no Cycles rig"),
-    "tiles of layers": (["--way", "layers", "--tiles", "2x2"], "Tiles need the way engine or cycles"),
+    "tiles of EEVEE": (["--way", "eevee", "--tiles", "2x2"], "Tiles need the way engine, cycles or layers"),
     "more tiles than pixels": (["--way", "engine", "--tiles", "99x1"], "fewer pixels than tiles"),
     "bad tiles": (["--way", "engine", "--tiles", "4"], "'4' is not a number of columns and rows"),
     "no frames": (["--way", "engine", "--chunk", "0"], "'0' is not a number of frames"),
     "backwards": (["--way", "engine", "--frames", "5", "1"], "The last frame 1 comes before the first one 5"),
     "no way": ([], "--way"),
     "camera of a rig": (["--way", "cycles", "--camera", "x"], "--camera is for the other ways"),
+    "a zip that is none": (["--way", "engine", "--extension", "FILE"], "is not the extension's zip"),
+    "a zip for a rig": (["--way", "cycles", "--extension", "FILE"], "The file has no Cycles rig"),
     "a place that is a file": (["--way", "engine", "-o", "FILE"], "it is a file"),
 }
 
@@ -340,23 +242,31 @@ def test_a_job_that_cannot_be_is_one_line_and_writes_nothing(command, saved, tmp
     assert not (tmp_path / "job").exists()
 
 
-def test_movies_and_layered_files_are_refused_where_they_cannot_be(command, saved, tmp_path, capsys):
-    settings = bpy.context.scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "MULTI_LAYER_IMAGE"
-    settings.file_format = "OPEN_EXR_MULTILAYER"
+def test_what_tiles_cannot_be_of_is_refused(command, saved, tmp_path, capsys):
+    words = ("job", saved, "-o", tmp_path / "job", "--way", "engine", "--no-price", "--tiles", "2x2")
+    scene = bpy.context.scene
+    scene.render.use_freestyle = True
     bpy.ops.wm.save_mainfile()
-    words = ("-o", tmp_path / "job", "--way", "engine", "--no-price")
-    assert command("job", saved, *words, "--tiles", "2x2") == 1
-    assert "Tiles join one picture" in capsys.readouterr().err
-    assert command("job", saved, *words) == 0
+    assert command(*words) == 1
+    assert "Freestyle draws its lines over whole pictures" in capsys.readouterr().err
+    scene = bpy.context.scene
+    scene.render.use_freestyle = False
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips.new_scene(name="Scene", scene=scene, channel=1, frame_start=1)
+    bpy.ops.wm.save_mainfile()
+    assert command(*words) == 1
+    assert "switch the sequencer off" in capsys.readouterr().err
+    assert not (tmp_path / "job").exists()
+
+
+def test_movies_are_refused(command, saved, tmp_path, capsys):
     settings = bpy.context.scene.render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = "VIDEO"
     settings.file_format = "FFMPEG"
     bpy.ops.wm.save_mainfile()
-    capsys.readouterr()
-    assert command("job", saved, *words) == 1
+    assert command("job", saved, "-o", tmp_path / "job", "--way", "engine", "--no-price") == 1
     assert "tasks cannot share a movie" in capsys.readouterr().err
 
 

@@ -52,6 +52,30 @@ def test_render_writes_the_image_and_says_so(run, blend, tmp_path, capsys):
     assert len(values) == 32 * 18 * 4 and np.ptp(values) > 0
 
 
+@pytest.mark.parametrize(
+    ("ending", "form", "intensity"), [("png", "PNG", 0.0), ("png", "PNG", 1.5), ("jpg", "JPEG", 1.5)]
+)
+def test_files_are_dithered_as_f12_does(run, blend, tmp_path, ending, form, intensity):
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects["Flexible Camera"]
+    scene.render.engine, scene.render.dither_intensity = "SCFPF", intensity
+    scene.render.image_settings.file_format = form
+    scene.render.image_settings.color_mode = "RGB"
+    bpy.ops.wm.save_mainfile()
+    scene.render.filepath = str(tmp_path / "f12")
+    bpy.ops.render.render(write_still=True)
+    scene.render.dither_intensity = 0.0 if intensity else 1.5
+    scene.render.filepath = str(tmp_path / "other")
+    bpy.ops.render.render(write_still=True)
+    scenes = len(bpy.data.scenes)
+    assert run("render", blend, "-o", tmp_path / f"out.{ending}") == 0
+    made, f12, other = (picture(tmp_path / f"{name}.{ending}") for name in ("out", "f12", "other"))
+    np.testing.assert_array_equal(made, f12)
+    assert not np.array_equal(f12, other)
+    assert len(bpy.data.scenes) == scenes and not hasattr(bpy.types, "SCFPF_DitheringEngine")
+    assert not bpy.data.objects.get("SCFPF Dither")
+
+
 def test_frame_camera_and_pixel_error_are_obeyed(run, blend, tmp_path):
     pictures = []
     for frame in (1, 11):
@@ -197,6 +221,23 @@ def test_a_thread_that_cannot_start_is_a_line_and_a_code(run, blend, tmp_path, c
         with pytest.raises(RuntimeError, match="starts no more threads"):
             bpy.ops.scfpf.render()
     assert bpy.ops.scfpf.render() == {"FINISHED"}, "the next one is whole"
+
+
+def test_frames_have_the_step_of_the_scene_or_of_the_line(run, blend, tmp_path, capsys):
+    bpy.context.scene.frame_step = 3
+    bpy.ops.wm.save_mainfile()
+    words = ("render", blend, "--engine", "workbench", "-o")
+    assert run(*words, tmp_path / "a_##.png", "--frames", 2, 9) == 0
+    assert run(*words, tmp_path / "b_##.png", "--frames", 2, 6, 2) == 0
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == [
+        *("a_02.png", "a_05.png", "a_08.png", "b_02.png", "b_04.png", "b_06.png")
+    ]
+    capsys.readouterr()
+    for frames in ((1,), (1, 2, 3, 4), (1, 2, 0)):
+        assert run(*words, tmp_path / "c_##.png", "--frames", *frames) == 1
+        assert "--frames needs a first frame, a last one" in capsys.readouterr().err
+    assert run(*words, tmp_path / "c_##.png", "--frames", 5, 1) == 1
+    assert "The last frame 1 comes before the first one 5" in capsys.readouterr().err
 
 
 def test_another_engine_is_joined_for_one_frame_and_several(run, blend, tmp_path, capsys):

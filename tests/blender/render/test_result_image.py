@@ -269,6 +269,7 @@ def plain_picture():
 
 def test_png_holds_the_view_transform_of_the_pixels(module, files, tmp_path):
     scene = bpy.context.scene
+    scene.render.dither_intensity = 0.0
     pixels = plain_picture()
     image = module.write_result(pixels)
     straight = pixels[..., :3].astype(np.float64) / pixels[..., 3:]

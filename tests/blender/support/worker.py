@@ -36,6 +36,13 @@ def enable(bpy, folder):
         versions.EEVEE = os.environ["SCFPF_EEVEE"]
 
 
+def state(bpy, folder):
+    """The worker's files but Blender's index of extensions, its add-ons, repositories and paths of Python."""
+    files = (str(path) for path in pathlib.Path(folder).rglob("*.*") if ".cache" not in path.parts)
+    repositories = (each.module for each in bpy.context.preferences.extensions.repos)
+    return {*files, *bpy.context.preferences.addons.keys(), *repositories, *sys.path}
+
+
 def main():
     words = sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix="scfpf-worker-", ignore_cleanup_errors=True) as folder:
@@ -43,7 +50,10 @@ def main():
         os.mkdir(os.environ["BLENDER_USER_RESOURCES"])
         import bpy
 
-        if "SCFPF_WITHOUT" not in os.environ:
+        before = None
+        if "SCFPF_WITHOUT" in os.environ:
+            before = state(bpy, folder)
+        else:
             enable(bpy, pathlib.Path(folder))
         if "--python-expr" in words:
             status = status_of(
@@ -52,6 +62,8 @@ def main():
         else:
             script = words[words.index("--python") + 1]
             status = status_of(lambda: runpy.run_path(script, run_name="__main__"))
+        if before is not None:
+            print("left behind:", sorted(state(bpy, folder) ^ before))
     sys.stdout.flush()
     sys.stderr.flush()
     # Some modules of Blender wait for themselves at their end.
