@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
+from ...scfpf_addon.bridge.blender.scene_objects import holds
 from ...scfpf_addon.bridge.camera.flexible_camera import (
     add_surface,
     attach_surface,
@@ -60,7 +61,8 @@ class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
             context.view_layer.update()
             if surface.name in context.view_layer.objects:
                 select_only(context, surface)
-                if context.area is not None and context.area.type == "PROPERTIES":
+                is_shown = context.area is not None and context.area.type == "PROPERTIES"
+                if is_shown and holds(context.view_layer.objects, camera):
                     # The Data tab goes on showing the camera's panel, and G moves what is selected.
                     context.view_layer.objects.active = camera
 
@@ -184,8 +186,9 @@ class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
         if not settings.edit_volume and active_object(context) in surfaces:
             # A surface that cannot be clicked is deselected; the active camera keeps its panels visible.
             active_object(context).select_set(False)
-            context.view_layer.objects.active = camera
-            camera.select_set(True)
+            if holds(context.view_layer.objects, camera):
+                context.view_layer.objects.active = camera
+                camera.select_set(True)
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -252,3 +252,22 @@ def test_the_mode_ends_without_an_active_object_and_with_an_empty_slot():
     bpy.context.view_layer.objects.active = None
     assert bpy.ops.scfpf.edit_volume() == {"FINISHED"}
     assert not camera.scfpf.edit_volume
+
+
+def test_the_mode_ends_though_the_view_layer_leaves_the_camera_out():
+    camera, scene = add_camera(), bpy.context.scene
+    bpy.ops.scfpf.edit_volume()
+    surface = surfaces(camera)[0]
+    for obj in surfaces(camera):
+        if obj.name not in scene.collection.objects:
+            scene.collection.objects.link(obj)
+    hidden = bpy.data.collections.new("Hidden")
+    scene.collection.children.link(hidden)
+    for users in camera.users_collection:
+        users.objects.unlink(camera)
+    hidden.objects.link(camera)
+    bpy.context.view_layer.layer_collection.children["Hidden"].exclude = True
+    activate(surface)
+    assert bpy.ops.scfpf.edit_volume() == {"FINISHED"}
+    assert not camera.scfpf.edit_volume and all(map(is_away, surfaces(camera)))
+    assert not bpy.context.selected_objects
