@@ -87,10 +87,14 @@ def command_gallery(options, rest):
 def command_pictures(options, rest):
     """Take the screenshots of README.md and docs/guide.md, and write docs/presets.md; names choose some.
 
-    Names that begin with aim- or layers- are rendered for docs/aim.md and docs/compose.md; without names all
-    are.
+    The name over-time, and names that begin with aim- or layers-, are rendered for the guide, docs/aim.md and
+    docs/compose.md; without names all are.
     """
-    rendered = {"aim-": "demo/aim/pictures.py", "layers-": "demo/recipes/layer_pictures.py"}
+    rendered = {
+        "aim-": "demo/aim/pictures.py",
+        "layers-": "demo/recipes/layer_pictures.py",
+        "over-time": "demo/time_film.py",
+    }
     for start, script in rendered.items():
         chosen = [name for name in rest if name.startswith(start)]
         if chosen or not rest:

@@ -12,6 +12,9 @@ ENGINES = (
     ("WORKBENCH", "Workbench", "The engine of solid viewports"),
     ("SCENE", "Scene's Engine", "The render engine that the scene has"),
 )
+# Cycles, whose rays follow the projectors.
+RIG = "RIG"
+ALL_ENGINES = (*ENGINES, (RIG, "Cycles by Its Rig", "Cycles, whose rays follow the projectors of each view"))
 RENDERERS = {"EEVEE": versions.EEVEE, "WORKBENCH": "BLENDER_WORKBENCH", "SCENE": ""}
 
 
@@ -22,6 +25,18 @@ class OfEngine:
         name="Engine",
         description="The engine whose renders are joined; the scene keeps its own",
         items=ENGINES,
+        default="SCENE",
+        options={"SKIP_SAVE"},
+    )
+
+
+class OfAnyEngine:
+    """Operators that render views one after the other, by any engine."""
+
+    engine: EnumProperty(
+        name="Engine",
+        description="The engine that renders the views; the scene keeps its own",
+        items=ALL_ENGINES,
         default="SCENE",
         options={"SKIP_SAVE"},
     )

@@ -12,7 +12,7 @@ from ...scfpf_addon.bridge.render.quilt import Quilt, read_quilt
 from ..common.scene_box import scene_boxes, transformed
 from ..common.target import flexible_camera_of
 from ..common.words import report_text
-from .joined_engines import ENGINES
+from .joined_engines import ALL_ENGINES
 from .render_series import RenderSeries
 
 # The engine of flexible cameras, beside those whose renders are joined.
@@ -58,7 +58,7 @@ class SCFPF_OT_quilt(OfQuilt, RenderSeries, bpy.types.Operator):
     engine: EnumProperty(
         name="Engine",
         description="The render engine; the scene keeps its own",
-        items=((OWN, "Flexible Projection", "The engine of flexible cameras"), *ENGINES),
+        items=((OWN, "Flexible Projection", "The engine of flexible cameras"), *ALL_ENGINES),
         default=OWN,
         options={"SKIP_SAVE"},
     )

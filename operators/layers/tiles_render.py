@@ -6,9 +6,9 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from ...scfpf_addon.engines.anchors_job import TiledJob
+from ...scfpf_addon.engines.tiled_job import RiggedTilesJob, TiledJob
 from ...scfpf_addon.projection.user_error import UserError
-from ..image.joined_engines import RENDERERS, OfEngine
+from ..image.joined_engines import RENDERERS, RIG, OfAnyEngine
 from ..image.quilt import OfQuilt, name_told
 from .layer_render import PicturesRender
 
@@ -22,8 +22,15 @@ TILES = {SIDE: (("LEFT", "RIGHT"), 2), TOP: (("RIGHT", "LEFT"), 1)}
 NO_EYES = "Switch on Stereoscopy with Stereo 3D in Output Properties first: it says where both eyes are"
 
 
-class SCFPF_OT_quilt_joined(OfEngine, OfQuilt, PicturesRender, bpy.types.Operator):
-    """Render a quilt by an engine that knows ordinary cameras only; Esc cancels, the old picture stays"""
+def _job(context, camera, eyes, columns: int, path: str, engine: str):
+    """The job of a picture of several eyes. engine: of ``OfAnyEngine``. Raises USER_ERRORS."""
+    if engine == RIG:
+        return RiggedTilesJob(context, camera, eyes, columns, path)
+    return TiledJob(context, camera, eyes, columns, path, RENDERERS[engine])
+
+
+class SCFPF_OT_quilt_joined(OfAnyEngine, OfQuilt, PicturesRender, bpy.types.Operator):
+    """Render a quilt by another engine, view by view; Esc cancels, the old picture stays"""
 
     bl_idname = "scfpf.quilt_joined"
     bl_label = "Render Quilt with Another Engine"
@@ -32,12 +39,12 @@ class SCFPF_OT_quilt_joined(OfEngine, OfQuilt, PicturesRender, bpy.types.Operato
     def new_job(self, context, camera, _frames, path):
         quilt = self.quilt(context, camera)
         self.told = name_told(context.scene, quilt)
-        return TiledJob(context, camera, quilt.views(), quilt.columns, path, RENDERERS[self.engine])
+        return _job(context, camera, quilt.views(), quilt.columns, path, self.engine)
 
 
-class SCFPF_OT_eyes_joined(OfEngine, PicturesRender, bpy.types.Operator):
-    """Render both eyes of the scene's Stereoscopy into one picture, by an engine that knows ordinary cameras
-    only; Esc cancels, the old picture stays"""
+class SCFPF_OT_eyes_joined(OfAnyEngine, PicturesRender, bpy.types.Operator):
+    """Render both eyes of the scene's Stereoscopy into one picture by another engine; Esc cancels, the old
+    picture stays"""
 
     bl_idname = "scfpf.eyes_joined"
     bl_label = "Render Both Eyes"
@@ -52,7 +59,7 @@ class SCFPF_OT_eyes_joined(OfEngine, PicturesRender, bpy.types.Operator):
         if not render.use_multiview or render.views_format != "STEREO_3D":
             raise UserError(NO_EYES)
         eyes, columns = TILES[self.layout_of_eyes]
-        return TiledJob(context, camera, eyes, columns, path, RENDERERS[self.engine])
+        return _job(context, camera, eyes, columns, path, self.engine)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_quilt_joined, SCFPF_OT_eyes_joined))

@@ -6,20 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import bpy
-import numpy as np
 
 from ..anchors.kept_plan import KeptPlan
 from ..anchors.shot import LayeredShot
 from ..bridge.blender.user_errors import USER_ERRORS, reason
-from ..bridge.camera.stereo_views import Eye
 from ..bridge.render import command_line
-from ..bridge.render.image_size import image_size, require_size
-from ..bridge.render.quilt import tile_place
 from ..bridge.render.render_engine import ENGINE
 from ..cycles.engine_choice import engine_name
 from ..cycles.layers.layers_job import LayersJob, all_at_once
-from ..projection.user_error import Message, UserError
-from ..shading.typing import Single
+from ..projection.user_error import UserError
 from .anchor_scene import AnchorScene
 from .anchored_render import AnchoredRender
 
@@ -51,59 +46,6 @@ class AnchorsJob(LayersJob):
         passing = AnchorScene(scene, view_layer, self._renderer)
         self.engine = engine_name(passing.scene)
         return passing, AnchoredRender(passing, self._shot if self._is_animation else None)
-
-
-class TiledJob(AnchorsJob):
-    """One picture with a tile for each of several eyes, from the lower left row by row upwards."""
-
-    def __init__(
-        self, context, camera, eyes: Sequence[Eye], columns: int, path: str = "", renderer: str = ""
-    ) -> None:
-        """columns: tiles side by side. Raises USER_ERRORS."""
-        super().__init__(context, camera, (), path, renderer)
-        width, height = image_size(context.scene)
-        require_size(columns * width, -(-len(eyes) // columns) * height)
-        self._eyes, self._columns, self._present = tuple(eyes), columns, context.scene.frame_current
-        self._frames, self._count = [*range(len(eyes))], len(eyes)
-        self._tiles: Single | None = None
-
-    @property
-    def _number(self) -> int:
-        """The place of the present eye."""
-        return self._count - len(self._frames) - 1
-
-    @property
-    def progress(self) -> Message:
-        """The name of the present render or work, for the status bar."""
-        place = self._number + 1, self._count
-        if self.work is not None:
-            return Message("view {0} of {1}, {2}", *place, self._text)
-        total = self._render.total if self._render is not None else 0
-        return Message("view {0} of {1}, {2} ({3} of {4})", *place, self._text, self._done, total)
-
-    def picture(self, scene, view_layer):
-        """The temporary scene of one tile, which has its name, and the tile's renders."""
-        passing = AnchorScene(scene, view_layer, self._renderer)
-        self.engine = engine_name(passing.scene)
-        return passing, AnchoredRender(passing, eye=self._eyes[self._number])
-
-    def _deliver(self) -> None:
-        """Put a finished tile in its place; after the last one keep the picture, and write its file."""
-        pixels: Single = self._render.pixels
-        height, width = pixels.shape[:2]
-        if self._tiles is None:
-            rows = -(-self._count // self._columns)
-            self._tiles = np.zeros((rows * height, self._columns * width, 4), np.float32)
-        self._tiles[tile_place(self._number, self._columns, (width, height))] = pixels
-        if self._frames:
-            self.warnings += [text for text in self._render.warnings if text not in self.warnings]
-            self._end_picture()
-            return
-        self._render.pixels, self._render.passes = self._tiles, {}
-        super()._deliver()
-
-    def _file(self, _frame: int) -> str:
-        return super()._file(self._present)
 
 
 def render_anchors(

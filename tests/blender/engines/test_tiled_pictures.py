@@ -7,7 +7,10 @@ import bpy
 import numpy as np
 import pytest
 from engine_images import f12, passes, write_multilayer
+from file_state import differences, file_state
 from mathutils import Matrix
+
+pytestmark = pytest.mark.usefixtures("built_groups")
 
 WIDTH, HEIGHT = 48, 32
 
@@ -62,15 +65,17 @@ def assert_alike(tile, own):
     assert np.median(off) < 0.01 and (off > 0.1).mean() < 0.06, np.sort(off.ravel())[::100]
 
 
-@pytest.mark.parametrize("press", ("quilt", "quilt_joined"))
-def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press):
+@pytest.mark.parametrize(
+    ("press", "engine"), [("quilt", "SCENE"), ("quilt_joined", "SCENE"), ("quilt", "RIG")]
+)
+def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine):
     """Of cameras side by side whose lens is shifted so that the focus stays where it is."""
     camera, lens = scene.camera, scene.camera.data
     columns, rows, focus, cone = 2, 2, 5.0, math.radians(30)
     bpy.ops.scfpf.camera_from_camera()
     camera.scfpf.samples = 1
     render = getattr(bpy.ops.scfpf, press)
-    assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine="SCENE") == {"FINISHED"}
+    assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine=engine) == {"FINISHED"}
     quilt = picture()
     assert quilt.shape == (rows * HEIGHT, columns * WIDTH, 3)
     camera.scfpf.enabled = False
@@ -85,8 +90,9 @@ def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press):
     assert np.abs(quilt[:HEIGHT, :WIDTH] - quilt[HEIGHT:, -WIDTH:]).mean() > 0.01
 
 
-def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path):
-    """Spherical stereo, joined from Cycles' renders by ordinary cameras: the left eye is on top."""
+@pytest.mark.parametrize("engine", ("SCENE", "RIG"))
+def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path, engine):
+    """Spherical stereo, joined from ordinary renders or through the rig: the left eye is on top."""
     render, place = scene.render, Matrix.Rotation(math.pi / 2, 4, "X")
     render.resolution_x, render.resolution_y = 96, 48
     assert bpy.ops.scfpf.camera_add(preset="equirectangular") == {"FINISHED"}
@@ -106,7 +112,7 @@ def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path):
         stereo.use_spherical_stereo = stereo.use_pole_merge = True
         stereo.interocular_distance, stereo.convergence_distance = 0.6, 3.0
     bpy.context.view_layer.update()
-    assert bpy.ops.scfpf.eyes_joined(camera=camera.name, layout_of_eyes="TOP") == {"FINISHED"}
+    assert bpy.ops.scfpf.eyes_joined(camera=camera.name, layout_of_eyes="TOP", engine=engine) == {"FINISHED"}
     both = picture()
     assert both.shape == (96, 96, 3)
     scene.camera = ordinary
@@ -118,3 +124,20 @@ def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path):
         assert_alike(both[number * 48 : (number + 1) * 48], own)
         other = both[(1 - number) * 48 : (2 - number) * 48]
         assert np.median(np.linalg.norm(other - own, axis=-1)) * 16 > 0.05
+
+
+def test_the_rig_of_each_eye_leaves_nothing(scene):
+    bpy.ops.scfpf.camera_add(preset="cylindrical_panorama")
+    camera = scene.camera = bpy.context.object
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.render() == {"FINISHED"}
+    before = file_state()
+    assert bpy.ops.scfpf.quilt(columns=1, rows=1, engine="RIG") == {"FINISHED"}
+    found = [text for text in differences(before, file_state()) if "SCFPF Render" not in text]
+    assert found == []
+    assert bpy.ops.scfpf.camera_add(preset="angular_fisheye") == {"FINISHED"}
+    scene.camera = bpy.context.object
+    with pytest.raises(RuntimeError, match="places without projectors"):
+        bpy.ops.scfpf.quilt(columns=1, rows=1, engine="RIG")
+    assert not [obj.name for obj in bpy.data.objects if obj.name.startswith("SCFPF Eye")]
+    assert camera.name in bpy.data.objects
