@@ -24,6 +24,9 @@ FAULT = re.compile(r"Traceback|[a-z]+(Error|Exception|Warning)\b|<bpy|<class|\bo
 # Picks by hand rather than for every property: what would only make the session slow.
 LARGEST = {"columns": 40, "rows": 40, "resolution": 40, "points_u": 6, "points_v": 6, "points_w": 6}
 LARGEST |= {"samples": 4, "projector_count": 9, "iso_surfaces": 4, "pattern_seed": 9}
+# Two small tiles rather than dozens of renders.
+FEW_TILES = {"columns": 2, "rows": 1}
+OPTIONS = {"quilt": FEW_TILES, "quilt_joined": FEW_TILES}
 
 
 class Fault(AssertionError):
@@ -143,7 +146,8 @@ class Session(ArtistSteps):
         name = self.random.choice(able)
         # Python stores no step of undo by default.
         undo = self.random.random() < 0.5
-        self.call(bpy.ops.scfpf, name, self.options(getattr(bpy.ops.scfpf, name)), undo)
+        options = self.options(getattr(bpy.ops.scfpf, name)) | OPTIONS.get(name, {})
+        self.call(bpy.ops.scfpf, name, options, undo)
         if name == "tutorial_scene":
             small_pictures(bpy.context.scene)
         return None
@@ -167,6 +171,8 @@ class Session(ArtistSteps):
             return numbers if prop.is_array else numbers[0]
         if prop.type == "ENUM":
             chosen = [item.identifier for item in prop.enum_items] or PRESETS
+            if prop.identifier == "engine" and "EEVEE" in chosen and pick.random() < 0.9:
+                chosen.remove("EEVEE")  # by software it takes seconds a render, however small
             return {pick.choice(chosen)} if prop.is_enum_flag else pick.choice(chosen)
         if prop.type == "STRING":
             return self.path() if prop.subtype == "FILE_PATH" else self.name()

@@ -23,6 +23,8 @@ def small_pictures(scene) -> None:
     scene.render.resolution_x, scene.render.resolution_y = 16, 9
     scene.cycles.samples = 1
     scene.eevee.taa_render_samples = 1
+    if "EEVEE" in scene.render.engine:
+        scene.render.engine = "BLENDER_WORKBENCH"  # EEVEE by software takes seconds a render
     scene.frame_end = 3
 
 
