@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from operator import itemgetter
 
 import bpy
 from mathutils import Matrix
@@ -33,8 +34,8 @@ PLACE = (
 
 # The names of the datablocks that each block in progress has found, by session id.
 _found: list[dict[int, str]] = []
-# What is done at the end of the outermost block if it does not raise.
-_endings: list[Callable[[], object]] = []
+# What is done at the end of the outermost block if it does not raise, and whether after all other endings.
+_endings: list[tuple[bool, Callable[[], object]]] = []
 
 
 class Kept(ExitStack):
@@ -90,7 +91,7 @@ def all_or_nothing() -> Iterator[Kept]:
 
 def _end_all() -> None:
     endings, _endings[:] = _endings[:], []
-    for ending in endings:
+    for _last, ending in sorted(endings, key=itemgetter(0)):
         try:
             ending()
         except Exception:
@@ -121,13 +122,14 @@ def keep_whole(datablock) -> None:
         at_end(bpy.data.batch_remove, [backup])
 
 
-def at_end(function: Callable, *args: object) -> None:
+def at_end(function: Callable, *args: object, last: bool = False) -> None:
     """Call a function with arguments at the end of the outermost block in progress, at once without one.
 
-    It deletes what the edit has left unused: if it raises, the edit is done all the same.
+    It deletes what the edit has left unused: if it raises, the edit is done all the same. last: call it
+    when all that is unused has been deleted.
     """
     if _edits:
-        _endings.append(partial(function, *args))
+        _endings.append((last, partial(function, *args)))
     else:
         function(*args)
 

@@ -330,7 +330,8 @@ def replace_surfaces(camera, described: list[NewSurface]) -> None:
         _insert(camera, surface)
     camera.scfpf.active_surface = 0
     # The old surfaces have their names until they are deleted.
-    at_end(_give_names, {surface.session_uid: new.name for surface, new in zip(made, described, strict=True)})
+    names = {surface.session_uid: new.name for surface, new in zip(made, described, strict=True)}
+    at_end(_give_names, names, last=True)
 
 
 def _give_names(names: dict[int, str]) -> None:

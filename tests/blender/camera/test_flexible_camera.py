@@ -393,6 +393,16 @@ def test_a_preset_keeps_surfaces_that_are_not_its_own(bridge, presets, camera):
     assert names(camera) == ["P", "P.001"]
 
 
+def test_one_preset_after_another_names_its_surfaces_as_its_file_does(addon, camera):
+    """The surfaces before have their names until they are deleted."""
+    bpy.context.view_layer.objects.active = camera
+    folder = addon("operators.camera.presets").FOLDER
+    for preset in ("perspective", "panini", "perspective", "perspective"):
+        assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+        listed = json.loads((folder / f"{preset}.json").read_text(encoding="utf-8"))["surfaces"]
+        assert names(camera) == [surface["name"] for surface in listed]
+
+
 @pytest.mark.parametrize(("aspect", "scale"), [(0.0, 1.0), (1.5, 0.0), (1.5, float("inf")), (1.5, 1e200)])
 def test_a_preset_that_fails_changes_nothing(bridge, presets, camera, aspect, scale):
     three_surfaces(bridge, camera)
