@@ -239,9 +239,9 @@ class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
         try:
             while self._job.step():
                 self._job.work.run()
-            return self._kept(context)
         finally:
             self._job.close()
+        return self._kept(context)
 
     def tick(self, context):
         if self._job.is_working:
@@ -255,8 +255,8 @@ class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
             self._job.work.start()
             return {"RUNNING_MODAL"}
         note_edit()
-        told = self._kept(context)
         self._job.close()
+        told = self._kept(context)
         self.report({"INFO"}, told)
         return {"FINISHED"}
 

@@ -187,14 +187,6 @@ def test_a_screen_that_things_pop_out_of_is_shown_by_ordinary_cameras_alone(stag
         assert screen.visible_camera == is_seen and screen.visible_shadow == is_seen
 
 
-@pytest.mark.usefixtures("stage")
-def test_other_engines_ask_to_hide_the_screen():
-    assert bpy.ops.scfpf.camera_from_screen() == {"FINISHED"}
-    bpy.context.scene.render.engine = "CYCLES"
-    with pytest.raises(RuntimeError, match="'Screen' hides what pops out of it"):
-        bpy.ops.scfpf.joined_render(camera=bpy.context.scene.camera.name)
-
-
 def test_an_eye_on_the_screen_and_a_mesh_without_uvs_are_refused(stage):
     screen, eye = stage
     eye.location = screen.data.vertices[0].co
