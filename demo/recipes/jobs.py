@@ -119,12 +119,21 @@ def _over_time() -> None:
     done(bpy.ops.scfpf.time_render(way="ROLLING", span=SHUTTER, steps=bpy.context.scene.render.resolution_y))
 
 
+def _quilt() -> None:
+    import bpy
+
+    columns, rows = VIEWS
+    done(bpy.ops.scfpf.quilt(columns=columns, rows=rows, cone=math.radians(CONE), focus=BODY[0]))
+
+
 def _tiles() -> None:
     import bpy
 
     done(bpy.ops.scfpf.dimetric(tile=TILE))
 
 
+# Views across and up a quilt, and the angle between its first and its last view, in degrees.
+VIEWS, CONE = (8, 6), 35.0
 # The width of a tile of one metre in pixels.
 TILE = 24
 # How many frames the rolling shutter of the propeller takes.
@@ -223,6 +232,26 @@ RECIPES = (
         "smoothly; *Polyline* makes them straight. The arrows in the viewport drag distances and widths. "
         "Keyframes act on *Distance*, *Field of View* and *Shift*. A narrow field of view at a face and a "
         "wide one behind it make a portrait as through a long lens, before a wide street.",
+    ),
+    Recipe(
+        "light-field",
+        "A quilt for a light-field display",
+        "Looking Glass, lenticular prints: a picture that has depth without glasses.",
+        scenes.boxer,
+        (
+            size(75, 100),
+            select("Select the ordinary camera.", "Camera"),
+            Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
+            Step(
+                f"Press *Quilt* in the panel. Enter *Columns* {VIEWS[0]}, *Rows* {VIEWS[1]}, *View Cone* "
+                f"{CONE:g}° and *Focus* {BODY[0]:g} m, the distance of the body.",
+                _quilt,
+            ),
+        ),
+        "The resolution is that of one view: a display wants more of it. Players of quilts read the numbers "
+        "from the end of the file's name, which the status bar tells. What is at *Focus* lies in the "
+        "display, the fist before it and the town behind. Any volume serves. *Engine* lets EEVEE or "
+        "Cycles render the views.",
     ),
     Recipe(
         "rolling-shutter",

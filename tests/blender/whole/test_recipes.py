@@ -67,6 +67,19 @@ def color_of(camera):
     return np.array(image.pixels[:]).reshape(height, width, 4)[..., :3]
 
 
+def test_views_of_a_quilt_go_from_left_to_right():
+    """The fist, nearer than the focus, moves to the left from the first view to the last."""
+    performed("light-field")
+    image = bpy.data.images["SCFPF Render"]
+    width, height = image.size[0] // 8, image.size[1] // 6
+    assert abs(width - 7.5) < 1 and height == 10
+    pixels = np.array(image.pixels[:]).reshape(6, height, 8, width, 4)[..., :3]
+    # In the upper rows no other red thing is to the right of it.
+    red = pixels[..., 0] > 2.5 * np.maximum(pixels[..., 1], pixels[..., 2]) + 0.05
+    place = [(red[r, :, c].any(axis=0) * np.arange(width)).max() for r in (3, 4, 5) for c in range(8)]
+    assert place[0] - place[-1] >= 2 and np.polyfit(np.arange(len(place)), place, 1)[0] < 0.0
+
+
 def test_the_head_looks_round_the_wall():
     """The shot sees nothing of it, and the picture nearly all; half of the rest stays within two pixels."""
     camera = performed("behind-a-wall")
