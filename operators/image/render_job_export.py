@@ -2,6 +2,11 @@
 """Export a render job for a farm, for those who have no command line."""
 
 import argparse
+import json
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, IntVectorProperty, StringProperty
@@ -11,9 +16,12 @@ from ...scfpf_addon.bridge.blender.user_errors import translated_report
 from ...scfpf_addon.cycles.engine_choice import renders_by_cycles
 from ...scfpf_addon.farm.render_job_files import plan_job, write_job, write_job_type
 from ...scfpf_addon.projection.user_error import Message, UserError
+from ..common.errors import refused
+from ..common.modal_job import ModalJob, in_window
 from ..common.tool import Action
 from ..common.words import report_text
 
+PRICE_CANCELED = "Price canceled: the render job stays without one"
 WAY_ITEMS = (
     ("ENGINE", "Flexible Projection", "The engine Flexible Projection. Workers need the extension"),
     ("CYCLES", "Cycles", "Cycles through the rig in the file. Workers need no extension"),
@@ -54,6 +62,11 @@ class SCFPF_OT_render_job_export(Action, bpy.types.Operator):
         subtype="FILE_PATH",
     )
     resume: BoolProperty(name="Keep Pictures", description="Keep pictures that exist", default=False)
+    price: BoolProperty(
+        name="Tell Price",
+        description="Let another Blender render a picture of the job, to tell the time of all and the memory",
+        default=True,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -96,9 +109,82 @@ class SCFPF_OT_render_job_export(Action, bpy.types.Operator):
             )
         for warning in warnings:
             self.report({"WARNING"}, translated_report(warning))
+        if self.price and in_window(context):
+            words = price_command(bpy.app.binary_path, plan.scene, folder, options)
+            bpy.ops.scfpf.render_job_price("INVOKE_DEFAULT", command=json.dumps(words))
         return report_text(
             "The job is in {0}. Frames: {1}, tasks: {2}", folder, plan.frame_count, plan.task_count
         )
 
 
-register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_render_job_export,))
+class SCFPF_OT_render_job_price(ModalJob, bpy.types.Operator):
+    """Tell the price of a render job that was exported; Esc cancels, the job stays without a price"""
+
+    bl_idname = "scfpf.render_job_price"
+    bl_label = "Price of Render Job"
+    bl_options = {"INTERNAL"}
+
+    seconds = 0.25
+    canceled = PRICE_CANCELED
+
+    command: StringProperty(
+        name="Command",
+        description="The words of the command that writes the job with its price, as JSON",
+        options={"SKIP_SAVE"},
+    )
+
+    def invoke(self, context, _event):
+        folder = tempfile.mkdtemp(prefix="scfpf-")
+        self._told = Path(folder, "told.txt")
+        try:
+            with self._told.open("wb") as file:
+                self._process = subprocess.Popen(
+                    json.loads(self.command), stdout=file, stderr=subprocess.STDOUT
+                )
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            return refused(self, UserError("Cannot start Blender to tell the price: {0}", error.strerror))
+        outcome = self.begin(context)
+        self.ends.callback(shutil.rmtree, folder, ignore_errors=True)
+        self.show(context, report_text("Rendering a picture to tell the price of the job    Esc: cancel"))
+        return outcome
+
+    def respond(self, _context, _event):
+        # The artist works on.
+        return {"PASS_THROUGH"}
+
+    def tick(self, _context):
+        if self._process.poll() is None:
+            return {"PASS_THROUGH"}
+        told = self._told.read_text(encoding="utf-8", errors="replace")
+        lines = told_lines(told)
+        if self._process.returncode != 0 or not lines:
+            raise UserError("The price of the job cannot be told: {0}", (told.splitlines() or ["-"])[-1])
+        for line in lines:
+            self.report({"INFO"}, line)
+        return {"FINISHED"}
+
+    def give_up(self, _context):
+        """End the other Blender, which writes the job when it is done."""
+        self._process.kill()
+        self._process.wait()
+
+
+def price_command(blender: str, scene_file: str, folder: str, options: argparse.Namespace) -> list[str]:
+    """The words of a command that writes a job and prints its price. options: see ``plan_job``."""
+    words = [blender, "--background", "--command", "scfpf", "job", scene_file, f"--output={folder}"]
+    words += [f"--way={options.way}", f"--tiles={options.tiles[0]}x{options.tiles[1]}"]
+    given = {"chunk": options.chunk, "camera": options.camera, "extension": options.extension}
+    words += [f"--{name}={value}" for name, value in given.items() if value]
+    return [*words, "--resume"] if options.resume else words
+
+
+def told_lines(text: str) -> list[str]:
+    """The lines of a job's price and needs, in what the command has printed."""
+    lines = [line.removeprefix("scfpf: ") for line in text.splitlines() if line.startswith("scfpf: ")]
+    marks = "on one machine as this", "A worker needs"
+    return [line for mark in marks for line in lines if mark in line]
+
+
+CLASSES = (SCFPF_OT_render_job_export, SCFPF_OT_render_job_price)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

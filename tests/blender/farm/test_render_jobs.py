@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Jobs for farms run by ``openjd run`` on this machine, beside the pictures of one Blender."""
 
+import argparse
 import io
 import json
 import platform
@@ -52,6 +53,34 @@ def test_three_frames_are_those_of_one_blender(
     for mine, one in zip(made, by_one_blender(command, saved, way, tmp_path), strict=True):
         assert len(mine) == SIZE[0] * SIZE[1] * 4 and np.array_equal(mine, one)
     assert not np.array_equal(made[0], made[2])
+
+
+def test_tasks_plan_a_frame_s_renders_as_one_blender_does(
+    addon, command, saved, blender, tmp_path, monkeypatch
+):
+    """A volume that sees from many places, whose renders two tasks plan each for itself."""
+    monkeypatch.setattr(addon("bridge.blender.versions"), "EEVEE", STAND_IN)
+    numbers = []
+    deliver = addon("engines.anchored_render").AnchoredRender._deliver
+
+    def counted(render, *given):
+        numbers.append(render.total)
+        return deliver(render, *given)
+
+    monkeypatch.setattr(addon("engines.anchored_render").AnchoredRender, "_deliver", counted)
+    bpy.ops.mesh.primitive_plane_add(size=12, location=(0, 0, -1))
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(2, 2, 0))
+    bpy.context.view_layer.objects.active = bpy.context.scene.camera
+    assert bpy.ops.scfpf.preset_apply(preset="inverted_perspective") == {"FINISHED"}
+    bpy.ops.wm.save_mainfile()
+    job = tmp_path / "job"
+    assert command("job", saved, "-o", job, "--way", "eevee", "--chunk", 2, "--no-price") == 0
+    told, status = openjd(job, blender, environ={"SCFPF_EEVEE": STAND_IN})
+    assert status == 0 and told.count("scfpf: render") == 2, told
+    made = [pixels(job / "pictures" / f"film_{frame:04d}.png") for frame in FRAMES]
+    for mine, one in zip(made, by_one_blender(command, saved, "eevee", tmp_path), strict=True):
+        np.testing.assert_array_equal(mine, one)
+    assert min(numbers) >= 4 and not np.array_equal(made[0], made[2])
 
 
 def test_workers_without_the_extension_load_the_job_s_zip(command, saved, blender, tmp_path, capsys):
@@ -287,6 +316,27 @@ def test_the_button_writes_the_job_of_the_command(command, saved, tmp_path):
     )
     assert one == two
     assert (tmp_path / "two" / "scfpf_render.js").exists()
+
+
+def test_the_button_tells_the_price_of_the_command(addon, command, saved, tmp_path, capsys):
+    """Another Blender runs it: its line is one of the command, and what it prints is what the button says."""
+    module = addon("operators.image.render_job_export")
+    options = argparse.Namespace(
+        way="engine", chunk=2, tiles=(2, 1), camera="", resume=True, extension=None, blender="blender"
+    )
+    program, *words = module.price_command("/blender", str(saved), str(tmp_path / "job"), options)
+    assert program == "/blender" and words[:3] == ["--background", "--command", "scfpf"]
+    capsys.readouterr()
+    assert command(*words[3:]) == 0
+    told = capsys.readouterr().out
+    price, needs = module.told_lines(told)
+    assert re.fullmatch(
+        r"6 tiles × [\d.]+ s \+ 4 tasks × [\d.]+ s to begin = .* on one machine as this", price
+    )
+    assert needs.startswith("A worker needs Blender") and "GB of memory" in needs
+    template = (tmp_path / "job" / "template.json").read_text(encoding="utf-8")
+    assert '"default": "true"' in template and "amount.worker.memory" in template
+    assert module.told_lines("Blender says other things\n") == []
 
 
 def test_the_button_needs_a_saved_file_and_a_flexible_camera(scene, tmp_path):

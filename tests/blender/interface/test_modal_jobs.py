@@ -5,6 +5,8 @@ No timer, cursor, text, handler or thread stays, and the file is as before. A Bl
 events: the operators' own methods run with a context that counts.
 """
 
+import json
+import sys
 import threading
 import time
 from types import SimpleNamespace
@@ -159,6 +161,11 @@ JOBS = {
     "SCFPF_OT_render": ("operators.image.render", [TIMER], CANCELED),
     "SCFPF_OT_quilt": ("operators.image.quilt", [TIMER], CANCELED),
     "SCFPF_OT_time_render": ("operators.image.time_render", [TIMER], CANCELED),
+    "SCFPF_OT_render_job_price": (
+        "operators.image.render_job_export",
+        [TIMER],
+        "Price canceled",
+    ),
     "SCFPF_OT_render_escape": ("operators.image.render", [], None),
     "SCFPF_OT_pick": ("operators.image.pick", [MOUSE], ""),
     "SCFPF_OT_mapping_place": ("operators.volume.mappings", [MOUSE], ""),
@@ -247,6 +254,8 @@ def job(request, addon, monkeypatch):
         operator._is_asked, operator.wait = True, operator.execute
     if name == "SCFPF_OT_aim_solve":
         operator.prepared = lambda _context: camera
+    if name == "SCFPF_OT_render_job_price":
+        operator.command = json.dumps([sys.executable, "-c", "import time; time.sleep(600)"])
     if name == "SCFPF_OT_aim_pin_click":
         operator._camera = camera.session_uid
     begun = operator.wait(context) if hasattr(operator, "wait") else operator.invoke(context, event("NONE"))
