@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Renders through the operator: progress, the picture, its window, picking in it, undo."""
 
+import pathlib
+import sys
+
 import bpy
 import numpy as np
 from driver import DRAW, IMAGE, build_scene
@@ -127,4 +130,62 @@ def undo(driver):
     assert np.array_equal(driver.pixels(), before)
 
 
-SCENARIOS = (renders, picks, picture_in_a_window, undo)
+def job_price(driver):
+    """Export Render Job from its file browser: another Blender tells the price, Esc ends it."""
+    build_scene()
+    driver.add_camera()
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 48, 27
+    bpy.ops.wm.save_as_mainfile(filepath=str(driver.folder / "job.blend"))
+    # The other Blender has the add-on by the preferences of this one.
+    bpy.ops.wm.save_userpref()
+    preferences = pathlib.Path(bpy.utils.user_resource("CONFIG"), "userpref.blend")
+    operator = next(
+        cls for cls in modal_job().ModalJob.__subclasses__() if cls.__name__ == "SCFPF_OT_render_job_price"
+    )
+    folder = driver.folder / "job"
+    folder.mkdir()
+
+    def export():
+        with driver.override():
+            bpy.ops.scfpf.render_job_export("INVOKE_DEFAULT", directory=f"{folder}/")
+        yield 1.0
+        windows = bpy.context.window_manager.windows
+        window, area = next(
+            (window, area)
+            for window in windows
+            for area in window.screen.areas
+            if area.type == "FILE_BROWSER"
+        )
+        where = {"x": area.x + area.width // 2, "y": area.y + area.height // 3}
+        window.event_simulate("MOUSEMOVE", "NOTHING", **where)
+        yield DRAW
+        window.event_simulate("RET", "PRESS", **where)
+        window.event_simulate("RET", "RELEASE", **where)
+        yield 1.0
+        assert (folder / "template.json").exists()
+        assert modal_job().is_running(operator), "no price is being told"
+
+    yield from export()
+    driver.shot("telling")
+    driver.key("ESC")
+    yield 1.0
+    assert not modal_job().is_running(operator), "Esc does not end it"
+    assert "amount.worker.memory" not in (folder / "template.json").read_text()
+    yield from export()
+    for _ in range(120):
+        yield 0.5
+        if not modal_job().is_running(operator):
+            break
+    yield DRAW
+    driver.shot("told")
+    preferences.unlink()
+    assert "amount.worker.memory" in (folder / "template.json").read_text(), "the job has no price"
+
+
+def modal_job():
+    name = next(name for name in sys.modules if name.endswith(".operators.common.modal_job"))
+    return sys.modules[name]
+
+
+SCENARIOS = (renders, picks, picture_in_a_window, undo, job_price)
