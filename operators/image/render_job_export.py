@@ -180,9 +180,10 @@ def price_command(blender: str, scene_file: str, folder: str, options: argparse.
 
 
 def told_lines(text: str) -> list[str]:
-    """The lines of a job's price and needs, in what the command has printed."""
+    """The lines of a job's needs and price, in what the command has printed."""
     lines = [line.removeprefix("scfpf: ") for line in text.splitlines() if line.startswith("scfpf: ")]
-    marks = "on one machine as this", "A worker needs"
+    # Blender shows the last report longest.
+    marks = "A worker needs", "on one machine as this"
     return [line for mark in marks for line in lines if mark in line]
 
 

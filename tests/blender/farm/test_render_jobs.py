@@ -329,7 +329,7 @@ def test_the_button_tells_the_price_of_the_command(addon, command, saved, tmp_pa
     capsys.readouterr()
     assert command(*words[3:]) == 0
     told = capsys.readouterr().out
-    price, needs = module.told_lines(told)
+    needs, price = module.told_lines(told)
     assert re.fullmatch(
         r"6 tiles × [\d.]+ s \+ 4 tasks × [\d.]+ s to begin = .* on one machine as this", price
     )
