@@ -8,7 +8,6 @@ import platform
 import re
 import sys
 import zipfile
-from collections.abc import Iterable
 
 from ..projection.user_error import UserError
 
@@ -39,12 +38,11 @@ def require_zip(path: str, version: str) -> str:
     return os.path.abspath(path)
 
 
-def found_zip(folders: Iterable[str], version: str) -> str:
-    """The zip of a version for this system in the first of some folders that has it, "" if none has."""
+def found_zip(folder: str, version: str) -> str:
+    """The zip of a version for this system in a folder, "" if it has none."""
     system, machine = SYSTEMS.get(sys.platform), MACHINES.get(platform.machine().lower())
-    for folder in folders:
-        for ending in (f"-{system}_{machine}", ""):
-            path = os.path.join(folder, f"scfpf-{version}{ending}.zip")
-            if os.path.isfile(path):
-                return path
+    for ending in (f"-{system}_{machine}", ""):
+        path = os.path.join(folder, f"scfpf-{version}{ending}.zip")
+        if os.path.isfile(path):
+            return path
     return ""

@@ -35,8 +35,8 @@ def plan_job(scene, options: Namespace) -> tuple[RenderPlan, list[Message]]:
     """The plan of a job for the open, saved file, and what should be known about it.
 
     options: way, chunk, tiles, camera, resume and blender as in ``RenderPlan``, chunk None for the usual one;
-    frames as of ``command_line.frames_of``; extension: the path of its zip, None for one beside the file or
-    the extension, if there is one. Raises UserError.
+    frames as of ``command_line.frames_of``; extension: the path of its zip, None for one beside the file, if
+    there is one. Raises UserError.
     """
     path = bpy.data.filepath
     if not path:
@@ -75,9 +75,7 @@ def _archive(options: Namespace, scene_file: str, version: str) -> Asset | None:
         if options.extension:
             raise UserError("A rig needs no extension: leave its zip out, or choose another way than cycles")
         return None
-    own = os.path.dirname(task_script.extension().__file__)
-    near = os.path.dirname(scene_file), os.path.join(own, "dist")
-    path = options.extension or found_zip(near, version)
+    path = options.extension or found_zip(os.path.dirname(scene_file), version)
     if not path:
         return None
     path = require_zip(bpy.path.abspath(path), version)
