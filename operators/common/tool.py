@@ -79,10 +79,12 @@ def _selection(context) -> tuple[set[str], str]:
 
 
 def _select_again(view_layer, selected: set[str], active: str) -> None:
-    for obj in view_layer.objects:
+    # Until the next evaluation a view layer has None in the place of an object that was removed.
+    present = [obj for obj in view_layer.objects if obj is not None]
+    for obj in present:
         if obj.select_get(view_layer=view_layer) != (obj.name_full in selected):
             obj.select_set(obj.name_full in selected, view_layer=view_layer)
-    view_layer.objects.active = next((obj for obj in view_layer.objects if obj.name_full == active), None)
+    view_layer.objects.active = next((obj for obj in present if obj.name_full == active), None)
 
 
 def plain(text: str) -> str:

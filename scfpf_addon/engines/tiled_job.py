@@ -39,7 +39,7 @@ class _Tiles(LayersJob):
         """Take the eyes. columns: tiles side by side. Raises UserError."""
         width, height = image_size(context.scene)
         require_size(columns * width, -(-len(eyes) // columns) * height)
-        self._eyes, self._columns, self._present = tuple(eyes), columns, context.scene.frame_current
+        self._eyes, self._columns = tuple(eyes), columns
         self._frames, self._count = [*range(len(eyes))], len(eyes)
         self._tiles: Single | None = None
 
@@ -81,7 +81,7 @@ class _Tiles(LayersJob):
         super()._deliver()
 
     def _file(self, _frame: int) -> str:
-        return super()._file(self._present)
+        return super()._file(self._frame_before[0])
 
 
 class TiledJob(_Tiles, AnchorsJob):

@@ -80,9 +80,10 @@ def frame_size(lens: CalibratedLens, overscan: float) -> tuple[int, int]:
     """Width and height in pixels of the frame's picture that has the lens's own scale in its middle."""
     if lens.is_round:
         # On the axis the angle is twice the frame's coordinate.
-        side = round(2 * lens.matrix[0] * lens.frame[2])
+        side = max(round(2 * lens.matrix[0] * lens.frame[2]), 1)
         return side, side
-    return round(lens.size[0] * overscan), round(lens.size[1] * overscan)
+    width, height = (max(round(side * overscan), 1) for side in lens.size)
+    return width, height
 
 
 def write_lens_maps(camera, lens: CalibratedLens, depsgraph, overscan: float, distorting: bool) -> str:

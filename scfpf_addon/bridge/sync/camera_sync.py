@@ -33,7 +33,7 @@ class _SyncState:
 
     facts: of each camera, None before the first sync of a file. listed: pairs of a surface and its camera.
     repaired: cameras whose volume objects handlers have changed since the last step of undo.
-    released: the volume objects of these cameras, while Blender undoes.
+    released: the volume objects of these cameras, while Blender undoes. objects: their number in the file.
     """
 
     def __init__(self):
@@ -44,6 +44,7 @@ class _SyncState:
         self.surfaces = MadeSurfaces()
         self.repaired: set[int] = set()
         self.released: dict[int, int] = {}
+        self.objects = 0
 
 
 _state = _SyncState()
@@ -166,8 +167,11 @@ def scene_updated(scene, depsgraph) -> None:
     # A render job reads the file in another thread.
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
-    is_new = _state.facts is None
-    sync(None if is_new else concerned(depsgraph) | _state.index.in_turn())
+    is_new, before = _state.facts is None, _state.objects
+    _state.objects = len(bpy.data.objects)
+    # The evaluation of one scene does not concern the camera of another that has lost its volume object.
+    checks_all = is_new or _state.objects < before
+    sync(None if checks_all else concerned(depsgraph) | _state.index.in_turn())
     # Hiding anything counts as an edit of the scene.
     if is_new or depsgraph.id_type_updated("SCENE"):
         _hide_surfaces(scene, scene.view_layers[depsgraph.view_layer.name])

@@ -142,6 +142,12 @@ def test_typed_numbers(addon):
     assert np.allclose(lens["tangential"], (p1, p2), rtol=1e-7)
 
 
+def test_the_maps_of_a_tiny_lens_have_a_pixel():
+    """A focal length of a thousandth of a pixel."""
+    camera_at_origin(source="NUMBERS", model="FISHEYE", width=4, height=9, fx=0.001, fy=5.0, st_maps="BOTH")
+    assert all(min(image.size) >= 1 for image in bpy.data.images if "ST Map" in image.name)
+
+
 def test_st_maps_undistort_and_distort(addon, tmp_path):
     case = REFERENCES["opencv"][1]
     matrix = np.array(REFERENCES["matrix"])

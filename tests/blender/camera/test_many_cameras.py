@@ -267,3 +267,21 @@ def test_a_scene_that_is_not_shown_is_evaluated_after_its_volume_has_changed():
         for scene in (shown, other):
             volume = camera.scfpf.volume_object.evaluated_get(scene.view_layers[0].depsgraph)
             assert volume.modifiers[0].node_group.name == f"SCFPF Volume {count}"
+
+
+def test_cameras_of_another_scene_get_their_volumes_again_at_once(cameras):
+    """The evaluation of the scene that is shown does not concern them."""
+    window, home = bpy.context.window, bpy.context.scene
+    window.scene = bpy.data.scenes.new("Other")
+    try:
+        for _ in range(2):
+            bpy.ops.mesh.primitive_cube_add()
+            bpy.context.view_layer.update()
+        lost = cameras[2::3]
+        for camera in lost:
+            bpy.data.objects.remove(camera.scfpf.volume_object)
+        bpy.context.object.location.x += 1.0
+        bpy.context.view_layer.update()
+        assert [camera.name for camera in lost if camera.scfpf.volume_object is None] == []
+    finally:
+        window.scene = home

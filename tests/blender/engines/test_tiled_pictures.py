@@ -68,14 +68,18 @@ def assert_alike(tile, own):
 @pytest.mark.parametrize(
     ("press", "engine"), [("quilt", "SCENE"), ("quilt_joined", "SCENE"), ("quilt", "RIG")]
 )
-def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine):
+def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine, tmp_path):
     """Of cameras side by side whose lens is shifted so that the focus stays where it is."""
     camera, lens = scene.camera, scene.camera.data
     columns, rows, focus, cone = 2, 2, 5.0, math.radians(30)
     bpy.ops.scfpf.camera_from_camera()
     camera.scfpf.samples = 1
     render = getattr(bpy.ops.scfpf, press)
-    assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine=engine) == {"FINISHED"}
+    path = {"filepath": str(tmp_path / "quilt.png")} if press == "quilt_joined" else {}
+    assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine=engine, **path) == {"FINISHED"}
+    if path:
+        written = bpy.data.images.load(path["filepath"])
+        assert tuple(written.size) == (columns * WIDTH, rows * HEIGHT)
     quilt = picture()
     assert quilt.shape == (rows * HEIGHT, columns * WIDTH, 3)
     camera.scfpf.enabled = False
