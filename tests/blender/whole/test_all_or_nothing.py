@@ -247,14 +247,14 @@ CASES = {
         by_cycles,
         lambda: OPERATORS.joined_render(camera="Camera"),
         "engines.anchor_scene.AnchorScene._prepare anchors.plan.plan_anchors "
-        "engines.anchor_scene.AnchorScene.look_through engines.anchored_render.traced_views "
-        "engines.joined_tiles.shown_points engines.joined_tiles.join anchors.completion.looked_through",
+        "engines.anchor_scene.AnchorScene.look_through engines.picture_plan.traced_views "
+        "anchors.image_parts.shown_points engines.joined_tiles.join anchors.completion.looked_through",
     ),
     "Add View": (
         box,
         lambda: OPERATORS.aim_view_add(camera="Camera", object="Box"),
         f"{FLEXIBLE}.replace_surfaces {FLEXIBLE}.make_flexible bridge.aim.new_targets.add_view "
-        "bridge.aim.new_targets._new_eye bridge.blender.scene_objects.link_beside",
+        "bridge.aim.new_targets.framing_eye bridge.blender.scene_objects.link_beside",
     ),
     "Add Pin": (
         box,
