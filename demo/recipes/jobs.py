@@ -484,6 +484,16 @@ RECIPES = (
         "camera's X.",
     ),
     Recipe(
+        "fulldome-eevee",
+        "A fulldome master from EEVEE",
+        "The whole dome by EEVEE, with the materials and lights that you have set up for it.",
+        scenes.street,
+        (size(600, 600), add("fulldome_master"), place((-1.7, -3.9, 1.2)), render_with_eevee()),
+        "Most of it comes from six renders at most, at one place: nothing jumps at their borders. "
+        "For a film use the command line: `blender -c scfpf render FILE.blend --engine eevee --frames FIRST "
+        "LAST`.",
+    ),
+    Recipe(
         "all-sides",
         "A car from all sides at once",
         "Front, both sides and back of one thing in one picture, without a seam.",

@@ -307,6 +307,15 @@ def test_the_toon_panorama_is_150_degrees_of_flat_tones_in_few_renders(way, addo
     assert_few_renders(camera, addon)
 
 
+def test_the_fulldome_master_from_eevee_has_the_zenith_in_its_middle_and_few_renders(way, addon):
+    prepare(RECIPE["fulldome-eevee"], SMALL)
+    camera = bpy.context.scene.camera
+    up = way(camera, np.array([0.501, 0.5, 0.999]), np.array([0.5, 0.001, 0.5]))
+    assert up[2] == pytest.approx([1, 0, 0], abs=0.01)
+    assert up[1, 1] > 0.99 and up[0, 2] > 0.99
+    assert_few_renders(camera, addon)
+
+
 def test_the_calibrated_lens_sees_where_its_polynomial_says(way):
     """Kannala and Brandt's polynomial, with the numbers of the file."""
     camera = performed("calibrated-lens")
