@@ -105,7 +105,7 @@ class Anchor:
         """The lengths (N,) of a pixel's side at distances (N,) along the axis, in world units."""
         return np.full(len(depth), self.texel) if self.is_parallel else self.texel * depth
 
-    def rays(self, column: IndexArray, row: IndexArray) -> tuple[Array, Array]:
+    def rays(self, column: Array | IndexArray, row: Array | IndexArray) -> tuple[Array, Array]:
         """Rays through the centres of pixels (N,) each: points (3, N) at ``start``, and ways (3, N) by which
         the distance along the axis grows by 1."""
         across = self.window.left + (column + 0.5) * self.texel

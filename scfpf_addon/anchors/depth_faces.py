@@ -92,11 +92,11 @@ def faces_of(anchor: Anchor, depth: Single, which: BoolArray) -> tuple[Array, In
             is_near = np.abs(beside - own) <= reach
             total += np.where(is_near, beside, 0.0)
             count += is_near
-        begin, way = anchor.rays(column + 0.5 * across, row + 0.5 * up)
+        begin, way = anchor.rays(column + np.float64(0.5 * across), row + np.float64(0.5 * up))
         corners.append(begin + way * (total / count - anchor.start))
     vertices = np.stack(corners, axis=2)
     first = 4 * np.arange(len(row), dtype=np.int32)[:, None]
-    triangles = np.concatenate([first + np.int32(half) for half in ((0, 1, 2), (0, 2, 3))])
+    triangles = np.concatenate([first + np.array(half, np.int32) for half in ((0, 1, 2), (0, 2, 3))])
     return vertices.reshape(3, -1).T, triangles
 
 
@@ -125,9 +125,9 @@ class DepthFaces:
             found.append(view)
             if which.any():
                 found[-1] = AnchorView(view.anchor, np.where(which, depth, view.depth))
-                corners, faces = faces_of(view.anchor, depth, which)
+                corners, halves = faces_of(view.anchor, depth, which)
                 vertices.append(corners)
-                triangles.append(faces + np.int32(count))
+                triangles.append(halves + np.int32(count))
                 count += len(corners)
         if not count:
             return None

@@ -122,6 +122,8 @@ def register():
 
 
 def unregister():
+    if _edit.is_open and bpy.ops.ed.undo_push.poll():
+        _store()  # undo without the extension has no handler that does it
     if bpy.app.timers.is_registered(_look_later):
         bpy.app.timers.unregister(_look_later)
     del bpy.types.Scene.scfpf_edits

@@ -16,6 +16,7 @@ sys.path.append(str(pathlib.Path(__file__).parent))
 
 from stored_edit import dangling
 
+EXTENSION = "bl_ext.checkout.scfpf"
 # Steps that agree on everything: Blender writes a datablock anew in the first one after an edit.
 STEPS = 3
 # Options of operators whose defaults do nothing here.
@@ -105,6 +106,20 @@ def _ways():
     assert _facts() == after, "later"
 
 
+def _disabled():
+    """The extension is disabled after an edit, and then nothing of ours stores a step before undo."""
+    for operator in (bpy.ops.scfpf.cycles_rig, bpy.ops.scfpf.camera_from_camera, bpy.ops.scfpf.surface_add):
+        _scene()
+        CALLED.append("disabled")
+        operator()
+        assert bpy.ops.preferences.addon_disable(module=EXTENSION) == {"FINISHED"}
+        bpy.context.view_layer.update()
+        for move in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+            move()
+            bpy.context.view_layer.update()
+        assert bpy.ops.preferences.addon_enable(module=EXTENSION) == {"FINISHED"}
+
+
 @bpy.app.handlers.persistent
 def _look(*_):
     """Right after Blender has gone back, before anything follows a pointer."""
@@ -117,7 +132,7 @@ def main() -> None:
     bpy.context.preferences.extensions.repos.new(
         name="checkout", module="checkout", custom_directory=sys.argv[-1], remote_url=""
     )
-    assert bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf") == {"FINISHED"}
+    assert bpy.ops.preferences.addon_enable(module=EXTENSION) == {"FINISHED"}
     for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
         handlers.insert(0, _look)
     for name in sorted(set(dir(bpy.ops.scfpf)) - LEFT_OUT):
@@ -144,6 +159,7 @@ def main() -> None:
         bpy.context.view_layer.update()
         assert _facts() == after, name
     _ways()
+    _disabled()
     print("SURVIVED", len(CALLED), flush=True)
 
 
