@@ -27,6 +27,8 @@ LARGEST |= {"samples": 4, "projector_count": 9, "iso_surfaces": 4, "pattern_seed
 # Two small tiles rather than dozens of renders.
 FEW_TILES = {"columns": 2, "rows": 1}
 OPTIONS = {"quilt": FEW_TILES, "quilt_joined": FEW_TILES}
+# Operators that set the size of pictures, as that of a calibration, make it no larger.
+MOST_PIXELS = 4096
 
 
 class Fault(AssertionError):
@@ -148,7 +150,8 @@ class Session(ArtistSteps):
         undo = self.random.random() < 0.5
         options = self.options(getattr(bpy.ops.scfpf, name)) | OPTIONS.get(name, {})
         self.call(bpy.ops.scfpf, name, options, undo)
-        if name == "tutorial_scene":
+        render = bpy.context.scene.render
+        if render.resolution_x * render.resolution_y > MOST_PIXELS:
             small_pictures(bpy.context.scene)
         return None
 
