@@ -237,7 +237,8 @@ def _from_one_eye(
     if (ahead > 0.0).all():
         reach = np.abs(turned[:2] / ahead).max()
         if reach <= WIDEST:
-            return [_facing(axes, eye, points, size, limits)]
+            one = _facing(axes, eye, points, size, limits)
+            return [] if one is None else [one]
     right, up, back = axes.T
     faces = [(right, up, back), (-back, up, right), (back, up, -right), (-right, up, -back)]
     faces += [(right, back, -up), (right, -back, up)]
@@ -250,15 +251,19 @@ def _from_one_eye(
         within = (depth > 0.0) & (np.abs(turned[:2]).max(axis=0) <= FACE * depth)
         if (within & (np.abs(turned[:2]).max(axis=0) <= depth)).any():
             anchors.append(_facing(matrix, eye, points.take(np.flatnonzero(within)), size, limits))
-    return anchors
+    return [anchor for anchor in anchors if anchor is not None]
 
 
 def _facing(
     axes: Array, eye: Array, points: ShownPoints, size: tuple[int, int], limits: PlanLimits
-) -> Anchor:
-    """The anchor at an eye, with the axes (3, 3), for points (N,) that are all before it."""
+) -> Anchor | None:
+    """The anchor at an eye, with the axes (3, 3), for points (N,) that are all before it.
+
+    None for points whose pixels have no size, as those of a volume that is a single projector.
+    """
     anchor = _framed(camera_matrix(axes, eye), points, size, limits, False)
-    assert anchor is not None
+    if anchor is None:
+        return None
     # Between the points there may be things as near as projectors begin.
     first = float((axes[:, 2] @ (eye[:, None] - points.begin)).min())
     return replace(anchor, start=max(first * (1.0 - BEFORE), NEAREST * anchor.start))
