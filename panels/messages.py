@@ -118,7 +118,8 @@ def plan_text(scene, camera) -> str:
         return label_text("Plan of {0} × {1} pixels: plan again", *plan.size)
     count, pixels = len(plan.anchors), plan.pixels
     renderer = joined_engine(scene)
-    seconds = estimated_seconds(renderer, count, pixels * plan.size[0] * plan.size[1])
+    every = pixels * plan.size[0] * plan.size[1]
+    seconds = estimated_seconds(renderer, count, every, camera.scfpf.anchor_times)
     text = label_text("Plan: {0} renders, {1:.2%}, {2:.1f} × the pixels", count, plan.shown, pixels)
     return text if seconds is None else label_text("{0}, about {1:.0f} s", text, seconds)
 

@@ -18,6 +18,7 @@ from ...scfpf_addon.bridge.render import type_registration
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.cycles.layers.layers_job import LOST, LayersJob, all_at_once
 from ...scfpf_addon.engines.anchors_job import AnchorsJob, PlanJob
+from ...scfpf_addon.engines.render_times import times_text
 from ...scfpf_addon.projection.user_error import UserError
 from ..common.errors import refused
 from ..common.modal_job import ModalJob, in_window, is_running
@@ -289,6 +290,7 @@ class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
         if camera is None:
             raise UserError(LOST)
         camera.scfpf.anchor_plan = text
+        camera.scfpf.anchor_times = times_text(camera.scfpf.anchor_times) if text else ""
         return told
 
 

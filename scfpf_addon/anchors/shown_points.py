@@ -23,7 +23,7 @@ class ShownPoints(NamedTuple):
     projectors begin. direction: (3, N) unit, in
     which projectors arrive. normal: (3, N) unit, of the side that is seen, 0 where nothing is met. length:
     (N,), the side of the image's pixel there, in world units. triangle: (N,) int, -1 where nothing is met.
-    place: (2, N), the image positions, in [0, 1].
+    place: (2, N), the image positions, in [0, 1]. t: (N,), of their projectors, inf where nothing is met.
     number: (N,), of the image position. frame: (N,), of the picture, of several.
     """
 
@@ -34,6 +34,7 @@ class ShownPoints(NamedTuple):
     length: Array
     triangle: IndexArray
     place: Array
+    t: Array
     number: IndexArray
     frame: IndexArray
 
@@ -98,7 +99,7 @@ def points_of(
     first = projection.volume.spans.weights(np.zeros(1))[0][:, 0]
     begin = np.einsum("k,kcn->cn", first, projection.projectors(*place).points)
     frame = np.zeros(len(kept), np.intp)
-    return ShownPoints(position, begin, direction, normal, length, triangle, place, kept, frame)
+    return ShownPoints(position, begin, direction, normal, length, triangle, place, t, kept, frame)
 
 
 def _lengths(

@@ -19,6 +19,7 @@ from ..anchors.shot import LayeredShot
 from ..bridge.camera.stereo_views import Eye
 from ..bridge.tasks.background import AwaitedWork, in_background
 from ..bridge.tasks.task import Task
+from ..cycles.layers.layer_passes import Mist
 from ..cycles.layers.pass_files import Pass, read_passes
 from ..projection.typing import BoolArray
 from ..projection.user_error import Message
@@ -29,11 +30,11 @@ from .cautions import LEFT_OUT_SETTINGS, cautions
 from .joined_tiles import Pictures, joined_pixels
 from .picture_plan import PicturePlan, ReadPicture, plan_picture_steps, read_picture
 from .render_times import TakenTime, note_time
+from .world_mist import WorldMist
 
 COMBINED, DEPTH = "Combined", "Depth"
 # The largest radiance that is taken from an engine's pixels.
 LARGEST = 1e6
-BACKS = "Data passes show the backs of faces that the other engine leaves out"
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: Flexible Projection has colored it"
 JOINING = Message("joining the renders")
 SHADING = Message("rendering by Flexible Projection for passes and holes")
@@ -80,6 +81,7 @@ class AnchoredRender:
         if inputs.is_ordinary and not self._eye:
             self.total = 1
             self._passing.look_as(camera)
+            self._passing.passes.take_mist(self._passing.scene.view_layers[0])
             del camera
             yield Message("the camera's own view")
             found = read_passes(self._passing.path, (COMBINED,))
@@ -119,10 +121,13 @@ class AnchoredRender:
             worlds.colors.append(color)
         note_time(self._passing.engine, self._taken)
 
+        seen_sky = worlds if sky else rest.pictures
+        planes = inputs.settings.passes.depth_plane, *inputs.settings.passes.layer_planes
+        has_mist = self._passing.passes.has_mist
+        mist = WorldMist(Mist.of(self._passing.scene.world), planes) if has_mist else None
+
         def work(task: Task[tuple[Single, BoolArray]]) -> tuple[Single, BoolArray]:
-            return joined_pixels(
-                inputs, plan.parts, worlds if sky else rest.pictures, lambda share: _tell(task, share)
-            )
+            return joined_pixels(inputs, plan.parts, seen_sky, mist, lambda share: _tell(task, share))
 
         channels, holes = yield from in_background(JOINING, work)
         if holes.any():
@@ -149,23 +154,21 @@ class AnchoredRender:
     ) -> Generator[AwaitedWork, None, None]:
         """Make the picture and its passes of joined channels (H, W, C).
 
-        holes: (H, W), what no anchor shows, which the engine colors unless the others leave out backs.
+        holes: (H, W), what no anchor shows, which our own engine colors.
         """
         passes, inputs, frame = self._passing.passes, picture.inputs, None
-        has_backs, settings = picture.one_sided is not None, replace(inputs.settings, stylised=None)
-        if passes.data:
-            self.warnings += [Message(BACKS)] if has_backs else []
-        else:
+        settings = replace(inputs.settings, stylised=None)
+        if not passes.data:
             settings = replace(settings, samples=1)
-        if passes.data or (holes.any() and not has_backs):
+        if passes.data or holes.any():
+            geometry = replace(inputs.scene.geometry, one_sided=picture.one_sided)
 
             def work(task: Task[Frame]) -> Frame | None:
-                progress = (lambda share: _tell(task, share)), lambda: task.cancelled
-                return render_frame(inputs.projection, inputs.scene, settings, None, *progress)
+                told, scene = (lambda share: _tell(task, share)), replace(inputs.scene, geometry=geometry)
+                return render_frame(inputs.projection, scene, settings, None, told, lambda: task.cancelled)
 
             frame = yield from in_background(SHADING, work)
-            if not has_backs:
-                channels[holes, :4] = frame.pixels[holes]
+            channels[holes, :4] = frame.pixels[holes]
         self.pixels = np.ascontiguousarray(channels[..., :4])
         self.passes = passes.passes(channels, frame)
         self.warnings += passes.warnings

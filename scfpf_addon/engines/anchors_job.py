@@ -9,6 +9,7 @@ import bpy
 
 from ..anchors.kept_plan import KeptPlan
 from ..anchors.shot import LayeredShot
+from ..bridge.blender.scene_objects import object_by_uid
 from ..bridge.blender.user_errors import USER_ERRORS, reason
 from ..bridge.render import command_line
 from ..bridge.render.render_engine import ENGINE
@@ -17,6 +18,7 @@ from ..cycles.layers.layers_job import LayersJob, all_at_once
 from ..projection.user_error import UserError
 from .anchor_scene import AnchorScene
 from .anchored_render import AnchoredRender
+from .render_times import times_text
 
 OWN_ENGINE = (
     "Choose another render engine than Flexible Projection first, such as EEVEE: its pictures are joined"
@@ -46,6 +48,13 @@ class AnchorsJob(LayersJob):
         passing = AnchorScene(scene, view_layer, self._renderer)
         self.engine = engine_name(passing.scene)
         return passing, AnchoredRender(passing, self._shot if self._is_animation else None)
+
+    def _deliver(self) -> None:
+        """Keep the finished picture, and the time of its renders beside a plan that the camera keeps."""
+        super()._deliver()
+        camera = object_by_uid(self._camera)
+        if camera is not None and camera.is_editable and camera.scfpf.anchor_plan:
+            camera.scfpf.anchor_times = times_text(camera.scfpf.anchor_times)
 
 
 def render_anchors(

@@ -20,6 +20,7 @@ from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
+from .world_mist import WorldMist
 
 # A share of a sample that changes no pixel by more than a step of 16 bits is not seen.
 LEAST_LEFT = 1.0 / 65535.0
@@ -75,17 +76,18 @@ def joined_pixels(
     inputs: RenderInputs,
     parts: Sequence[JoinedPart],
     worlds: Pictures,
+    mist: WorldMist | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Single, BoolArray]:
     """The picture (H, W, C), and which of its pixels no anchor shows, (H, W).
 
-    parts: of the picture, the rest first. worlds: pictures of the sky. progress: is told the share that is
-    done. Raises CastError and Cancelled.
+    parts: of the picture, the rest first. worlds: pictures of the sky. mist: to be added as the last channel.
+    progress: is told the share that is done. Raises CastError and Cancelled.
     """
     settings = inputs.settings
     width, height = settings.width, settings.height
     positions = SamplePositions(width, height, settings.samples, settings.pixel_filter)
-    joining = _Joining(inputs, parts, worlds)
+    joining = _Joining(inputs, parts, worlds, mist)
     pixels = np.zeros((height, width, joining.channels), np.float32)
     holes = np.zeros((height, width), bool)
 
@@ -114,13 +116,20 @@ def joined_pixels(
 class _Joining:
     """Samples of a picture, each joined from the parts that it shows. channels: of the pictures."""
 
-    def __init__(self, inputs: RenderInputs, parts: Sequence[JoinedPart], worlds: Pictures) -> None:
+    def __init__(
+        self,
+        inputs: RenderInputs,
+        parts: Sequence[JoinedPart],
+        worlds: Pictures,
+        mist: WorldMist | None,
+    ) -> None:
         self._settings, self._layers = inputs.settings, inputs.projection.layers
         self._parts = [part.with_faces(inputs.settings.threads) for part in parts]
         self._worlds, self._angle = worlds, PlanLimits().angle
         self._pixel_size = 1.0 / self._settings.width, 1.0 / self._settings.height
         pictures = [picture for each in parts for picture in each.pictures.colors]
-        self.channels = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
+        self._colors = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
+        self._mist, self.channels = mist, self._colors + (mist is not None)
 
     def sample(self, x: Array, y: Array) -> tuple[Single, BoolArray]:
         """The channels (N, C) at image positions (N,), 0 where no anchor shows them, and where that is."""
@@ -133,7 +142,11 @@ class _Joining:
         for place, which in self._from_front(count, things):
             seen = things[place].take(which[left[things[place].number[which]] > LEAST_LEFT])
             own, is_hole = self._parts[place].colors(seen, self._angle)
-            color[seen.number] += own * left[seen.number, None]
+            color[seen.number, : self._colors] += own * left[seen.number, None]
+            if self._mist is not None:
+                part = self._parts[place].part
+                density = self._mist.density(part.number, part.projection, seen)
+                color[seen.number, -1] += (1.0 - density) * left[seen.number]
             lacks[seen.number] |= is_hole
             # Behind the rest there is nothing: its pictures have the sky.
             alpha = np.clip(own[:, 3], 0.0, 1.0) if place else np.float32(1.0)
@@ -142,9 +155,11 @@ class _Joining:
             beyond = points[0].take(np.flatnonzero(~points[0].is_hit))
             beyond = beyond.take(np.flatnonzero(left[beyond.number] > LEAST_LEFT))
             own, is_hole = join_sky(beyond, self._worlds.views, self._worlds.colors)
-            color[beyond.number] += own * left[beyond.number, None]
+            color[beyond.number, : self._colors] += own * left[beyond.number, None]
             lacks[beyond.number] |= is_hole
         color[lacks] = 0.0
+        if self._mist is not None:
+            color[~lacks, -1] = 1.0 - color[~lacks, -1]
         return color, lacks
 
     def _from_front(self, count: int, things: Sequence[ShownPoints]) -> Iterator[tuple[int, IndexArray]]:

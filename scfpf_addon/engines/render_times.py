@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The times of an engine's renders in this session, from which the time of others is estimated."""
+"""The times of engines' renders, from which the time of others is estimated: files keep them as text."""
 
 from __future__ import annotations
 
+import json
 from typing import NamedTuple
 
 
@@ -14,7 +15,7 @@ class TakenTime(NamedTuple):
     seconds: float = 0.0
 
 
-# Those of the last picture, by the identifier of the engine.
+# Those of the last picture in this session, by the identifier of the engine.
 _last: dict[str, TakenTime] = {}
 
 
@@ -24,12 +25,27 @@ def note_time(engine: str, taken: TakenTime) -> None:
         _last[engine] = taken
 
 
-def estimated_seconds(engine: str, renders: int, pixels: float) -> float | None:
+def times_text(text: str) -> str:
+    """The times as text, with those of an earlier text for engines that have not rendered in this session."""
+    return json.dumps(_times(text) | _last)
+
+
+def estimated_seconds(engine: str, renders: int, pixels: float, text: str = "") -> float | None:
     """The seconds that so many renders will take, or None before the first ones.
 
-    Half by their number, half by their pixels: small renders have fixed costs.
+    Half by their number, half by their pixels: small renders have fixed costs. text: see ``times_text``, for
+    engines that have not rendered in this session.
     """
-    if engine not in _last:
+    before = (_times(text) | _last).get(engine)
+    if before is None:
         return None
-    before = _last[engine]
     return 0.5 * before.seconds * (renders / before.renders + pixels / before.pixels)
+
+
+def _times(text: str) -> dict[str, TakenTime]:
+    """The times of a text, {} if it holds none."""
+    try:
+        found = {name: TakenTime(int(a), int(b), float(c)) for name, (a, b, c) in json.loads(text).items()}
+    except (ValueError, TypeError, AttributeError):
+        return {}
+    return {name: each for name, each in found.items() if each.renders > 0 and each.pixels > 0}

@@ -473,6 +473,9 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     anchor_plan: text(
         "Plan", "The renders by another engine that Plan Renders has found this camera to need", **MARK
     )
+    anchor_times: text(
+        "Times", "How long renders by other engines took, from which the time of a plan is estimated", **MARK
+    )
 
 
 CLASSES = (

@@ -38,6 +38,7 @@ class Geometry:
     linked: (T,) int32, the group of light linking of each triangle; None if no lamp is linked.
     image_layer: (T,) uint8, the number of the image layer that shows each triangle (``Projection.layers``), 0
     for the projection itself; None if it shows all.
+    one_sided: (T,) bool, the triangles that projectors meet from the front only; None if there are none.
     """
 
     vertices: Array
@@ -51,6 +52,7 @@ class Geometry:
     visibility: NDArray[np.uint8] | None = None
     linked: NDArray[np.int32] | None = None
     image_layer: NDArray[np.uint8] | None = None
+    one_sided: BoolArray | None = None
 
     @property
     def flat(self) -> bool:
@@ -78,6 +80,7 @@ class Geometry:
             visibility=None if self.visibility is None else self.visibility.take(which),
             linked=None if self.linked is None else self.linked.take(which),
             image_layer=None if self.image_layer is None else self.image_layer.take(which),
+            one_sided=None if self.one_sided is None else self.one_sided.take(which),
         )
 
 

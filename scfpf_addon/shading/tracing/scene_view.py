@@ -26,6 +26,9 @@ from ..settings.frame_settings import FrameSettings
 from ..typing import Single
 from .hit_colors import Shading
 
+# Backs that a projector passes, at most: what lies behind more is seen as the last of them.
+MOST_PASSED = 64
+
 
 @dataclass(frozen=True, kw_only=True)
 class SceneView:
@@ -82,7 +85,7 @@ class SceneView:
             return self.cast_layers(x, y, counts, weighted, in_rows).hits
         if self.cast_scene is None:
             return cast_at_nothing(self.projection, x, y)
-        return cast(
+        hits = cast(
             self.cast_scene,
             self.projection,
             x,
@@ -93,6 +96,8 @@ class SceneView:
             self.settings.width if in_rows else None,
             self._weighted(weighted),
         )
+        self._pass_backs(x, y, hits)
+        return hits
 
     def cast_layers(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
@@ -101,7 +106,31 @@ class SceneView:
         if self.parts is None:
             return LayeredHits(self.cast(x, y, counts, weighted, in_rows), np.zeros(len(x), np.uint8))
         columns = self.settings.width if in_rows else None
-        return self._layered(self.parts, weighted).first_hits(x, y, counts, columns)
+        found = self._layered(self.parts, weighted).first_hits(x, y, counts, columns)
+        changed = self._pass_backs(x, y, found.hits)
+        found.layer[changed] = self.parts.numbers.take(found.hits.triangle[changed])
+        return found
+
+    def _pass_backs(self, x: Array, y: Array, hits: Hits) -> IndexArray:
+        """Follow the projectors of hits (N,), in place, past the backs of faces that are seen from the front.
+
+        Returns the numbers (n,) of those that passed any.
+        """
+        one_sided, scene = self.scene.geometry.one_sided, self.cast_scene
+        if one_sided is None or scene is None:
+            return np.zeros(0, np.intp)
+        tile, which = self._tile(scene, x, y, hits), np.arange(len(x))
+        passed = np.zeros(len(x), bool)
+        for _ in range(MOST_PASSED):
+            triangle = hits.triangle[which]
+            which = which[(triangle >= 0) & one_sided[triangle]]
+            normal = scene.normals(hits.triangle[which].astype(np.int64))
+            which = which[np.einsum("cn,cn->n", normal, hits.tangent.take(which, 1)) > 0.0]
+            if not len(which):
+                break
+            passed[which] = True
+            hits.put(which, tile.next_hits(which, hits.t[which], hits.triangle[which]))
+        return np.flatnonzero(passed)
 
     def _layered(self, parts: LayerParts, weighted: bool) -> LayeredCast:
         return LayeredCast(
@@ -136,6 +165,8 @@ class SceneView:
         rests = [view._layered(self.parts, False).rest_hits(x, y, counts, columns) for view, x, y in samples]
         x, y = (np.concatenate([sample[axis] for sample in samples]) for axis in (1, 2))
         found = self._layered(self.parts, False).in_front(x, y, rests, counts)
+        for (view, own_x, own_y), (hits, _) in zip(samples, found, strict=True):
+            view._pass_backs(own_x, own_y, hits)
         return [
             (hits, view._continuation(x, y, hits))
             for (view, x, y), (hits, _) in zip(samples, found, strict=True)
@@ -145,20 +176,21 @@ class SceneView:
         """The continuation of the projectors of hits at image positions (n,), None without triangles."""
         if self.cast_scene is None:
             return None
-        tile: ContinuedTile
+        return Continuation.of_tile(self._tile(self.cast_scene, x, y, hits), len(x))
+
+    def _tile(self, scene: CastScene, x: Array, y: Array, hits: Hits) -> ContinuedTile:
+        """The projectors of hits at image positions (n,). scene: ``cast_scene``."""
         if self.parts:
-            tile = LayeredProjectors(self._layered(self.parts, False), x, y, hits.mask)
-        else:
-            tile = TileProjectors(
-                self.cast_scene,
-                self.projection,
-                x=x,
-                y=y,
-                mask=hits.mask,
-                pixel_size=self.pixel_size,
-                pixel_error=self.settings.pixel_error,
-            )
-        return Continuation.of_tile(tile, len(x))
+            return LayeredProjectors(self._layered(self.parts, False), x, y, hits.mask)
+        return TileProjectors(
+            scene,
+            self.projection,
+            x=x,
+            y=y,
+            mask=hits.mask,
+            pixel_size=self.pixel_size,
+            pixel_error=self.settings.pixel_error,
+        )
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None

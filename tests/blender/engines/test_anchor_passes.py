@@ -84,6 +84,39 @@ def test_passes_of_renders_and_of_the_caster(scene, addon, monkeypatch):
 def test_passes_that_neither_has_are_named(scene, addon):
     flexible(scene.camera, "orthographic")
     scene.camera.scfpf.samples = 1
-    scene.view_layers[0].use_pass_mist = scene.view_layers[0].use_pass_vector = True
+    scene.view_layers[0].use_pass_vector = True
     job = addon("engines.anchors_job").render_anchors(bpy.context, scene.camera)
-    assert any("lack some passes" in str(text) and "Mist, Vector" in str(text) for text in job.warnings)
+    assert any("lack some passes" in str(text) and "Vector" in str(text) for text in job.warnings)
+
+
+@pytest.mark.parametrize("preset", ["angular_fisheye", "deep_curvy_volume", ""])
+def test_mist(scene, addon, monkeypatch, preset):
+    """The world's, by each sample's distance along its projector; by an ordinary camera that of Cycles."""
+    scene.world = bpy.data.worlds.new("World")
+    mist = scene.world.mist_settings
+    mist.start, mist.depth, mist.falloff = 1.0, 5.0, "LINEAR"
+    scene.view_layers[0].use_pass_mist = True
+    found = {}
+    monkeypatch.setattr(
+        addon("cycles.layers.layers_job"), "deliver_passes", lambda passes, *_: found.update(passes) or ""
+    )
+    flexible(scene.camera, *([preset] if preset else []))
+    scene.camera.scfpf.samples = 1
+    addon("engines.anchors_job").render_anchors(bpy.context, scene.camera)
+    value = found["Mist"].values[..., 0]
+    inputs = addon("bridge.render.render_inputs")
+    seen = addon("bridge.scene.render_depsgraph").with_render_depsgraph(
+        scene,
+        bpy.context.view_layer,
+        lambda depsgraph: inputs.read_inputs(
+            depsgraph, scene.camera, (WIDTH, HEIGHT), passes=("DEPTH", "POSITION")
+        ),
+    )
+    frame = addon("shading.frame").render_frame(seen.projection, seen.scene, seen.settings)
+    depth = frame.passes["DEPTH"][..., 0]
+    if not preset:
+        depth = np.linalg.norm(frame.passes["POSITION"], axis=2)
+    wanted = np.clip((depth - 1.0) / 5.0, 0.0, 1.0)
+    assert wanted.std() > 0.02
+    off = np.abs(value - wanted)
+    assert np.median(off) < 2e-3 and (off < 0.05).mean() > 0.9

@@ -387,6 +387,25 @@ def test_a_kept_plan_is_used_as_long_as_it_fits(scene, jobs, addon, monkeypatch)
         camera.scfpf.anchor_plan = change_back
 
 
+def test_the_plan_and_its_time_are_seen_after_the_file_is_opened_again(scene, addon, tmp_path, monkeypatch):
+    """The panel's line has both: the time of the renders before the file was saved counts."""
+    flexible(scene.camera, "inverted_perspective")
+    scene.camera.scfpf.samples = 1
+    assert bpy.ops.scfpf.joined_plan(camera=scene.camera.name) == {"FINISHED"}
+    assert bpy.ops.scfpf.joined_render(camera=scene.camera.name) == {"FINISHED"}
+    text, times = addon("panels.messages").plan_text, addon("engines.render_times")
+    monkeypatch.setattr(addon("panels.messages"), "joined_engine", lambda _scene: "CYCLES")
+    line = text(scene, scene.camera)
+    assert "Plan: " in line and "about" in line
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
+    monkeypatch.setattr(times, "_last", {})
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    assert text(bpy.context.scene, bpy.context.scene.camera) == line
+    # Damaged text is none.
+    for damaged in ("", "{", "[1]", '{"CYCLES": 3}', '{"CYCLES": [0, 0, 1]}'):
+        assert times.estimated_seconds("CYCLES", 3, 100.0, damaged) is None
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", "[1,2,3,4,5,6]", '[1,"",[1,1],1,true,[[[],[],[],[],0]]]'])
 def test_a_damaged_plan_is_none(addon, text):
     assert addon("anchors.kept_plan").KeptPlan.read(text) is None

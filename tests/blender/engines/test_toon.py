@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from layer_scenes import flexible
+from layer_scenes import add, collected, flexible, looking, new_camera, select_only
 
 WIDTH, HEIGHT = 96, 54
 RADIUS, THICKNESS = 2.0, 0.6
@@ -101,6 +101,45 @@ def test_an_inverted_hull_is_an_outline(toon, addon):
     assert green[around].mean() > 0.98
     tones = np.unique(np.round(image[..., 0][ball], 1))
     assert len(tones) >= 2, "both tones of the ramp"
+
+
+@pytest.mark.parametrize("layer", [False, True])
+def test_data_passes_and_cryptomattes_leave_backs_out(toon, addon, monkeypatch, layer):
+    """Within the outline they show the ball, whose distances are known, and not the hull before it."""
+    view_layer = toon.view_layers[0]
+    for name in ("use_pass_position", "use_pass_material_index", "use_pass_cryptomatte_material"):
+        setattr(view_layer, name, True)
+    view_layer.pass_cryptomatte_depth = 2
+    bpy.data.materials["Ramp"].pass_index, bpy.data.materials["Hull"].pass_index = 5, 6
+    found = {}
+    monkeypatch.setattr(
+        addon("cycles.layers.layers_job"), "deliver_passes", lambda passes, *_: found.update(passes) or ""
+    )
+    if layer:
+        flexible(toon.camera, "orthographic")
+        bpy.ops.mesh.primitive_cube_add(size=0.5, location=(0, 0, -20))
+        toon.camera.name = "Master"
+        collected("Things", bpy.context.object.name)
+        flexible(new_camera("Side", looking((0, 0, -30), (0, 0, -40))))
+        select_only(toon.camera)
+        add(front="DEPTH")
+    _, distance = rendered(addon, toon, "orthographic")
+    step = 1.5 * np.abs(np.diff(distance, axis=1)).max()
+    ball, outline = (
+        distance < RADIUS - step,
+        (distance > RADIUS + step) & (distance < RADIUS + THICKNESS - step),
+    )
+    place = found["Position"].values
+    off = np.linalg.norm(place[ball], axis=1)
+    assert np.abs(off - RADIUS).max() < 0.02
+    index = found[addon("bridge.blender.versions").index_pass_names()[1]].values[..., 0]
+    assert (index[ball] == 5).mean() > 0.995 and (index[outline] == 6).mean() > 0.995
+    crypto = next(each.values for name, each in found.items() if name.startswith("CryptoMaterial00"))
+    ball_id, outline_id = np.median(crypto[ball][:, 0]), np.median(crypto[outline][:, 0])
+    assert ball_id != outline_id
+    assert (crypto[ball][:, 0] == ball_id).mean() > 0.99 and (
+        crypto[outline][:, 0] == outline_id
+    ).mean() > 0.99
 
 
 def test_workbench_culls_all_backs_if_it_is_told_to(toon, addon):

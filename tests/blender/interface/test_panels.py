@@ -97,7 +97,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
         record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object"}
-    hidden |= {"report", "statistics", "frame_sizes", "anchor_plan"}
+    hidden |= {"report", "statistics", "frame_sizes", "anchor_plan", "anchor_times"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends", "blend_field"}
     # With Developer Extras.
