@@ -246,3 +246,13 @@ def test_projectors_from_many_places_have_no_common_eye():
     x, y = pixel_centres(24, 14, (0, 14))
     points = shown_points(scene, bent_projection(2, math.radians(60)), x, y, (1 / 24, 1 / 14))
     assert common_eye(points) is None
+
+
+@pytest.mark.parametrize("width", [0.0, 1e-30])
+def test_a_volume_that_is_a_single_projector_has_a_plan(width):
+    """Its pixels have no size, so no anchor can be framed by them."""
+    surfaces = (at(Plane(width=width, height=width), z=z) for z in (12.0, 30.0))
+    beam = Projection(ViewingVolume(tuple(surfaces)), aspect=16 / 9)
+    scene = room()
+    assert len(sky_anchors(scene, beam, SIZE, AXES, PlanLimits())) <= 6
+    assert plan_anchors([scene], [beam], SIZE, AXES).covered >= 0.0

@@ -328,9 +328,9 @@ def test_what_is_out_of_reach_is_built_only_when_light_asks_for_it(build):
     up, origin = np.array([[0.0], [0], [1]]), np.zeros((3, 2))
     origin[:, 1] = made.matrix[:3, :3] @ np.array([1.2, 1.2, 0.0])
     origin += 1e-3 * up
-    assert made._beyond_mesh is None
+    assert made._beyond._make is not None
     hidden = made.occluded(origin, np.repeat(up, 2, axis=1), np.full(2, np.inf))
-    assert hidden.tolist() == [True, False] and made._beyond_mesh is not None
+    assert hidden.tolist() == [True, False] and made._beyond._make is None
 
 
 def test_an_exact_frame_says_so(build):

@@ -8,7 +8,7 @@ import pytest
 
 from scfpf_addon.casting.common import cancellation
 from scfpf_addon.casting.common.ray_visibility import CAMERA, CATCHER, GLASS, MIRROR, SHADOW
-from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.casting.scene import cast_scene
 from scfpf_addon.casting.scene.prisms import PrismScene
 from scfpf_addon.casting.scene.traced_mesh import TracedMesh
 from scfpf_addon.casting.tiles import image_tiles
@@ -156,13 +156,13 @@ def test_what_cannot_be_stopped_says_so(heavy, monkeypatch):
     """With motion blur prisms are built by the threads, one for each shutter time that is needed."""
     projection, scene, moments = heavy
     built = []
-    made = CastScene._make_prisms
+    made = cast_scene.PrismScene
 
-    def making(self):
+    def making(*given):
         built.append(cancellation.is_uncancellable())
-        return made(self)
+        return made(*given)
 
-    monkeypatch.setattr(CastScene, "_make_prisms", making)
+    monkeypatch.setattr(cast_scene, "PrismScene", making)
     settings = FrameSettings(WIDTH, HEIGHT, samples=4, pixel_error=0.0, threads=2)
     render_frame(projection, scene, settings, moments=moments)
     assert built == [True, True] and not cancellation.is_uncancellable()
