@@ -184,11 +184,11 @@ def test_without_a_caster_all_else_works(installed, wheel_finder, monkeypatch, t
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     said = labels(installed)
-    assert fault in said and "install SCFPF again from the zip for this system" in said
-    with pytest.raises(RuntimeError, match=f"{fault}.*install SCFPF again"):
+    assert fault in said and "install Flexible Projection again from the zip for this system" in said
+    with pytest.raises(RuntimeError, match=f"{fault}.*install Flexible Projection again"):
         bpy.ops.scfpf.render()
     scene.render.engine = "SCFPF"
-    with pytest.raises(RuntimeError, match=f"{fault}.*install SCFPF again"):
+    with pytest.raises(RuntimeError, match=f"{fault}.*install Flexible Projection again"):
         bpy.ops.render.render()
     if fault == "missing":
         edit_preview_and_render_by_cycles(scene)

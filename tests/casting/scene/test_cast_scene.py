@@ -88,7 +88,7 @@ def test_scenes_without_anything_to_hit_are_refused(vertices, faces, message):
 
 def test_a_missing_embreex_is_explained(monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex", None)
-    with pytest.raises(CastError, match=r"embreex is missing.*install SCFPF again.*embreex 4\.4"):
+    with pytest.raises(CastError, match=r"embreex is missing.*install Flexible Projection again.*embreex 4\.4"):
         CastScene(QUAD, FACES)
 
 
@@ -102,7 +102,7 @@ def test_an_embreex_that_is_being_removed_is_explained(monkeypatch, tmp_path):
     """Its folder of metadata is there, and empty already."""
     (tmp_path / "embreex-9.9.9.dist-info").mkdir()
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(CastError, match=r"embreex is missing.*install SCFPF again"):
+    with pytest.raises(CastError, match=r"embreex is missing.*install Flexible Projection again"):
         CastScene(QUAD, FACES)
 
 
