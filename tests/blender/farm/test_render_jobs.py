@@ -37,7 +37,7 @@ def test_three_frames_are_those_of_one_blender(
 ):
     """A file with a rig is rendered without the extension.
 
-    Of EEVEE's way another engine renders the anchors: without a GPU its shaders take minutes.
+    Of EEVEE's way another engine renders the anchors here: without a GPU its shaders take long.
     """
     monkeypatch.setattr(addon("bridge.blender.versions"), "EEVEE", STAND_IN)
     environ = {"SCFPF_EEVEE": STAND_IN}
@@ -53,6 +53,21 @@ def test_three_frames_are_those_of_one_blender(
     for mine, one in zip(made, by_one_blender(command, saved, way, tmp_path), strict=True):
         assert len(mine) == SIZE[0] * SIZE[1] * 4 and np.array_equal(mine, one)
     assert not np.array_equal(made[0], made[2])
+
+
+@pytest.mark.once  # by software EEVEE takes half a minute
+def test_three_frames_by_eevee_are_those_of_one_blender(scene, command, saved, blender, tmp_path):
+    """EEVEE itself, through a camera's own view, which needs one render a frame."""
+    scene.eevee.taa_render_samples = 1
+    bpy.ops.wm.save_mainfile()
+    job = tmp_path / "job"
+    assert command("job", saved, "-o", job, "--way", "eevee", "--chunk", 3, "--no-price") == 0
+    told, status = openjd(job, blender)
+    assert status == 0 and told.count("scfpf: render") == 1, told
+    made = [pixels(job / "pictures" / f"film_{frame:04d}.png") for frame in FRAMES]
+    for mine, one in zip(made, by_one_blender(command, saved, "eevee", tmp_path), strict=True):
+        np.testing.assert_array_equal(mine, one)
+    assert made[0].std() > 0.0 and not np.array_equal(made[0], made[2])
 
 
 def test_tasks_plan_a_frame_s_renders_as_one_blender_does(
