@@ -108,7 +108,8 @@ def fifty_undos(driver):
         return done
 
     scfpf = bpy.ops.scfpf
-    kinds = iter(KINDS)
+    # A preset makes the same volume in each round, with the same names.
+    kinds, pans = iter(KINDS), iter((0.1, 0.2, 0.3, 0.4, 0.5))
     round_of_ten = (
         lambda: scfpf.surface_add("EXEC_DEFAULT", True, kind=next(kinds)),
         lambda: scfpf.surface_add("EXEC_DEFAULT", True, kind=next(kinds)),
@@ -119,7 +120,7 @@ def fifty_undos(driver):
         lambda: scfpf.surface_remove("EXEC_DEFAULT", True),
         lambda: scfpf.preset_apply("EXEC_DEFAULT", True, preset="cylindrical_panorama"),
         lambda: scfpf.volume_mirror("EXEC_DEFAULT", True, axis="U"),
-        lambda: scfpf.volume_frame("EXEC_DEFAULT", True, pan=0.1),
+        lambda: scfpf.volume_frame("EXEC_DEFAULT", True, pan=next(pans)),
     )
     states = [volume(bpy.context.scene.camera)]
     for step in range(50):
