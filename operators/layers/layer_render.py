@@ -289,8 +289,9 @@ class SCFPF_OT_joined_plan(OfEngine, ModalJob, Action, bpy.types.Operator):
         camera = object_by_uid(self._uid)
         if camera is None:
             raise UserError(LOST)
-        camera.scfpf.anchor_plan = text
-        camera.scfpf.anchor_times = times_text(camera.scfpf.anchor_times) if text else ""
+        # Both or none.
+        times = times_text(camera.scfpf.anchor_times) if text else ""
+        camera.scfpf.anchor_plan, camera.scfpf.anchor_times = text, times
         return told
 
 
