@@ -198,6 +198,8 @@ class SCFPF_OT_camera_from_calibration(Action, bpy.types.Operator):
         lens, overscan = framed(given.lens, self.overscan)
         if self.st_maps != "NONE":
             require_size(*frame_size(lens, overscan))
+        if self.st_maps == "BOTH":
+            require_size(*(round(side) for side in lens.size))
         boxes = scene_boxes(context) or EMPTY_SCENE
         aspect = image_aspect(scene)
         with wholly_made(context):

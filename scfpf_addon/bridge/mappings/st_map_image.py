@@ -25,6 +25,8 @@ KEPT_MAPS = 4
 READ_AFTER = 1.0
 # A pixel of an ST map with less alpha has no value.
 LEAST_ALPHA = 0.5
+# Pixels of an ST map that are computed at a time: the inverse of a mapping takes some 250 bytes a pixel.
+PART = 2**17
 
 
 class _Cache:
@@ -107,18 +109,27 @@ def write_st_map(projection: Projection, size: tuple[int, int], content: str, in
     v as shares of their ranges, where in the image it is seen. Also returns a message if the file cannot
     store the image, else "".
     """
-    width, height = size
-    grid = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
-    u, v, mask = _st_values(projection, content, inverse, *(axis.ravel() for axis in grid))
-    pixels = np.zeros((height * width, 4), np.float32)
-    pixels[:, 0], pixels[:, 1] = np.where(mask, u, 0.0), np.where(mask, v, 0.0)
-    pixels[:, 3] = mask
-    result = bpy.data.images.new(IMAGE_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
+    pixels = _st_pixels(projection, size, content, inverse)
+    result = bpy.data.images.new(IMAGE_NAME, *size, alpha=True, float_buffer=True, is_data=True)
     # With straight alpha Blender would multiply the pixels when it opens the file again.
     result.alpha_mode = "PREMUL"
-    result.pixels.foreach_set(pixels.ravel())
+    result.pixels.foreach_set(pixels)
+    del pixels  # packing needs their memory
     result.update()
     return result, pack(result)
+
+
+def _st_pixels(projection: Projection, size: tuple[int, int], content: str, inverse: bool):
+    """The pixels of an ST map, (H·W·4,) float32, rows upwards, computed in parts of PART pixels."""
+    width, height = size
+    pixels = np.zeros((height * width, 4), np.float32)
+    for first in range(0, len(pixels), PART):
+        part = pixels[first : first + PART]
+        row, column = np.divmod(np.arange(first, first + len(part)), width)
+        u, v, mask = _st_values(projection, content, inverse, (column + 0.5) / width, (row + 0.5) / height)
+        part[:, 0], part[:, 1] = np.where(mask, u, 0.0), np.where(mask, v, 0.0)
+        part[:, 3] = mask
+    return pixels.ravel()
 
 
 def _st_values(projection: Projection, content: str, inverse: bool, x, y):

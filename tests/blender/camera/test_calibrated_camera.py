@@ -3,6 +3,7 @@
 
 import json
 import pathlib
+import tracemalloc
 
 import bpy
 import numpy as np
@@ -222,3 +223,17 @@ def test_a_calibrated_camera_is_a_preset(addon, tmp_path):
     assert bpy.ops.scfpf.preset_load(filepath=stored, fit=False) == {"FINISHED"}
     assert json.loads(camera.scfpf.mappings[0].calibration) == json.loads(lens)
     require_seen(addon, camera, REFERENCES["wide"], np.array(case["pixels"]) + 0.5)
+
+
+def test_maps_of_large_pictures_take_little_memory():
+    numbers = {"width": 2048, "height": 1024, "fx": 900.0, "radial": (-0.1, 0.02, 0, 0, 0, 0)}
+    tracemalloc.start()
+    try:
+        camera_at_origin(source="NUMBERS", model="OPENCV", st_maps="BOTH", overscan=1.0, **numbers)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    undistort, distort = (bpy.data.images[f"{bpy.context.object.name} {way}"] for way in ("Undistort", "Distort"))
+    assert tuple(undistort.size) == tuple(distort.size) == (2048, 1024)
+    # The pixels of one map themselves are 16 bytes each.
+    assert most < 80 * 2048 * 1024

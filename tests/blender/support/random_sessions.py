@@ -23,7 +23,7 @@ from stored_edit import dangling, stored_edit
 FAULT = re.compile(r"Traceback|[a-z]+(Error|Exception|Warning)\b|<bpy|<class|\bobject at 0x")
 # Picks by hand rather than for every property: what would only make the session slow.
 LARGEST = {"columns": 40, "rows": 40, "resolution": 40, "points_u": 6, "points_v": 6, "points_w": 6}
-LARGEST |= {"samples": 4, "projector_count": 9, "iso_surfaces": 4, "pattern_seed": 9}
+LARGEST |= {"overscan": 4, "samples": 4, "projector_count": 9, "iso_surfaces": 4, "pattern_seed": 9}
 # Two small tiles rather than dozens of renders.
 FEW_TILES = {"columns": 2, "rows": 1}
 OPTIONS = {"quilt": FEW_TILES, "quilt_joined": FEW_TILES}
