@@ -233,7 +233,9 @@ def test_maps_of_large_pictures_take_little_memory():
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    undistort, distort = (bpy.data.images[f"{bpy.context.object.name} {way}"] for way in ("Undistort", "Distort"))
+    undistort, distort = (
+        bpy.data.images[f"{bpy.context.object.name} {way}"] for way in ("Undistort", "Distort")
+    )
     assert tuple(undistort.size) == tuple(distort.size) == (2048, 1024)
     # The pixels of one map themselves are 16 bytes each.
     assert most < 80 * 2048 * 1024
