@@ -277,9 +277,17 @@ def camera_matrix(axes: Array, place: Array) -> Array:
 
 
 def _framed(
-    matrix: Array, points: ShownPoints, size: tuple[int, int], limits: PlanLimits, is_parallel: bool
+    matrix: Array,
+    points: ShownPoints,
+    size: tuple[int, int],
+    limits: PlanLimits,
+    is_parallel: bool,
+    least: float = -np.inf,
 ) -> Anchor | None:
-    """The anchor at a place whose window holds points (N,), with pixels for most; None for an endless one."""
+    """The anchor at a place whose window holds points (N,), with pixels for most; None for an endless one.
+
+    least: the distance along the axis before which nothing is to be rendered.
+    """
     turned = matrix[:3, :3].T @ (points.position - matrix[:3, 3:])
     depth = -turned[2]
     scale = 1.0 if is_parallel else depth
@@ -297,6 +305,7 @@ def _framed(
     window = Window(*(middle - half), *(middle + half))
     nearest, farthest = float(depth.min()), float(depth.max())
     start = nearest - BEFORE * (abs(nearest) if not is_parallel else farthest - nearest + texel)
+    start = max(start, least)
     end = start + BEYOND * (farthest - start)
     if is_parallel:
         # The camera stands a little before what it shows.
@@ -425,9 +434,11 @@ class Cover:
             best.is_checked = True
             gains[first] = np.count_nonzero(best.sees & left) / costs[first]
 
-    def _framed(self, matrix: Array, points: ShownPoints, is_parallel: bool) -> Anchor | None:
-        """The anchor at a place for points (N,); None for an endless one."""
-        anchor = _framed(matrix, points, self._size, self._limits, is_parallel)
+    def _framed(
+        self, matrix: Array, points: ShownPoints, is_parallel: bool, least: float = -np.inf
+    ) -> Anchor | None:
+        """The anchor at a place for points (N,); None for an endless one. least: see ``_framed``."""
+        anchor = _framed(matrix, points, self._size, self._limits, is_parallel, least)
         if anchor is not None and len(self._whole):
             anchor = anchor.before(self._whole)
         return anchor
@@ -436,7 +447,8 @@ class Cover:
         """The anchor with a window around what it adds."""
         own = points.take(np.flatnonzero(gain))
         anchor = best.anchor
-        framed = self._framed(anchor.matrix, own, anchor.is_parallel)
+        # What the candidate's near plane leaves out must not hide what it was chosen for.
+        framed = self._framed(anchor.matrix, own, anchor.is_parallel, anchor.start)
         assert framed is not None
         # Its pixels are as small as they were promised to be.
         if framed.texel > anchor.texel:

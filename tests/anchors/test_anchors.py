@@ -12,7 +12,15 @@ from scfpf_addon.anchors.anchor import Anchor, Window
 from scfpf_addon.anchors.anchor_view import AnchorView, traced_views
 from scfpf_addon.anchors.completion import completed
 from scfpf_addon.anchors.join import find_texels, join_sky
-from scfpf_addon.anchors.plan import PlanLimits, common_eye, nearest_to_lines, plan_anchors, sky_anchors
+from scfpf_addon.anchors.plan import (
+    Cover,
+    PlanLimits,
+    camera_matrix,
+    common_eye,
+    nearest_to_lines,
+    plan_anchors,
+    sky_anchors,
+)
 from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.anchors.shown_points import shown_points
 from scfpf_addon.casting.frame import pixel_centres
@@ -217,6 +225,28 @@ def test_what_hides_a_point_is_not_taken_for_it():
     assert hidden[within > 0.3].all() and not hidden[within < -0.3].any()
     color = found.colors(pictures_of(views))
     np.testing.assert_allclose(color[~found.is_hole], wall.position.T[~found.is_hole], atol=0.05)
+
+
+def test_near_planes_leave_out_what_hides_what_an_anchor_was_chosen_for():
+    """A curtain hangs before the near surface, and before the near plane of the camera that looks over it."""
+    curtain = [[-9, -9, -4.85], [9, -9, -4.85], [0, 18, -4.85]]
+    # It is nearest along the middle.
+    wall = [[0, -9, -5.05], [0, 9, -5.05], [9, 0, -6.0], [-9, 0, -6.0]]
+    faces = np.array([[0, 1, 2], [3, 4, 5], [3, 6, 4]], np.int32)
+    scene = seen(np.array(curtain + wall), faces)
+    volume = ViewingVolume(tuple(at(Plane(width=8.0, height=4.5), z=z) for z in (-4.9, -20.0)))
+    projection = Projection(volume, aspect=16 / 9)
+    x, y = pixel_centres(*SIZE, (0, SIZE[1]))
+    points = shown_points(scene, projection, x, y, (1 / SIZE[0], 1 / SIZE[1]))
+    assert points.is_hit.all()
+    # Planes are a hundredth of the distance before what is nearest of a part, here at a depth of 25.05 m, and
+    # would be at 24.8 m for the middle as well.
+    depth = 20.0 - points.position[2]
+    camera = camera_matrix(AXES, np.array([0.0, 0.0, 20.0])), False
+    cameras = [(np.flatnonzero(depth > 25.3), camera)]
+    anchors = Cover([scene], SIZE, PlanLimits()).chosen([], points, cameras, 0, 1)
+    found = find_texels(points.take(np.flatnonzero(depth > 25.06)), traced_views(scene, anchors), 0.3)
+    assert len(anchors) == 1 and not found.is_hole.any()
 
 
 def test_the_sky_is_looked_up_by_direction():
