@@ -80,7 +80,7 @@ class SCFPF_MT_aim_add(bpy.types.Menu):
 
 class _AimSection(Subsection):
     bl_label = "Aim"
-    bl_order = 0
+    bl_order = 1
     # Its button makes an ordinary camera flexible.
     takes_ordinary = True
 
@@ -166,7 +166,7 @@ def draw_turns(column, target) -> None:
 
 class _AimSettingsSection(Subsection):
     bl_label = "Aim Settings"
-    bl_order = 0
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

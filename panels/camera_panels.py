@@ -153,7 +153,7 @@ class _MainSection:
 
 class _BlendSection(Subsection):
     bl_label = "Blend"
-    bl_order = 2
+    bl_order = 3
 
     def draw_settings(self, _context, camera, _settings):
         if is_blend(camera) or knows_its_ends(camera):
@@ -166,7 +166,7 @@ class _BlendSection(Subsection):
 
 class _StatisticsSection(Subsection):
     bl_label = "Statistics"
-    bl_order = 10
+    bl_order = 11
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -181,7 +181,7 @@ class _StatisticsSection(Subsection):
 
 class _SurfacesSection(Subsection):
     bl_label = "Control Surfaces"
-    bl_order = 3
+    bl_order = 4
 
     def draw_settings(self, context, _camera, settings):
         draw_surfaces(self.layout, context, settings)
@@ -189,7 +189,7 @@ class _SurfacesSection(Subsection):
 
 class _ProjectorsSection(Subsection):
     bl_label = "Projectors"
-    bl_order = 4
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
@@ -210,7 +210,7 @@ class _ProjectorsSection(Subsection):
 
 class _MappingsSection(Subsection):
     bl_label = "Image Mappings"
-    bl_order = 5
+    bl_order = 6
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, camera, _settings):
@@ -219,7 +219,7 @@ class _MappingsSection(Subsection):
 
 class _QualitySection(Subsection):
     bl_label = "Quality"
-    bl_order = 6
+    bl_order = 7
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
@@ -229,7 +229,7 @@ class _QualitySection(Subsection):
 
 class _DisplaySection(Subsection):
     bl_label = "Viewport Display"
-    bl_order = 9
+    bl_order = 10
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, context, _camera, settings):

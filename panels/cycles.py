@@ -32,7 +32,7 @@ def facts(price: Price) -> list[str]:
 
 class _CyclesSection(Subsection):
     bl_label = "Cycles"
-    bl_order = 7
+    bl_order = 8
 
     @classmethod
     def poll(cls, context):

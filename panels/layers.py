@@ -33,7 +33,7 @@ class SCFPF_UL_layers(bpy.types.UIList):
 
 class _LayersSection(Subsection):
     bl_label = "Layers"
-    bl_order = 1
+    bl_order = 2
     # Its button makes an ordinary camera flexible.
     takes_ordinary = True
 

@@ -12,17 +12,21 @@ WAYS = (("VIEW", "Add View", "VIEW_CAMERA"), ("LAYER", "Add Layer", "RENDERLAYER
 class SCFPF_UL_hidden(bpy.types.UIList):
     """The things that the picture hides"""
 
-    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
+    def draw_item(self, _context, layout, data, item, _icon, _active_data, _active_property, index):
         row = layout.row(align=True)
-        row.label(text=item.name, icon="HIDE_ON", translate=False)
-        right = row.row()
+        row.label(text=item.name, translate=False)
+        right = row.row(align=True)
         right.alignment = "RIGHT"
         right.label(text=f"{item.share * item.hidden:.1%}".replace("%", " %"), translate=False)
+        way, _text, icon = WAYS[0]
+        button = right.operator("scfpf.hidden_show", text="", icon=icon, emboss=False)
+        button.way, button.camera, button.index = way, data.id_data.name, index
 
 
 class _LookBehindSection(Subsection):
     bl_label = "Look Behind"
-    bl_order = 1
+    # Above the lists of Aim and of Layers, which grow when its buttons are pressed.
+    bl_order = 0
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, camera, settings):

@@ -100,7 +100,7 @@ class SCFPF_PT_engine_drawn(_DrawnSection, EnginePanel, bpy.types.Panel):
 
 
 class _CameraSection(_DrawnSection, Subsection):
-    bl_order = 8
+    bl_order = 9
 
     def draw_settings(self, context, _camera, _settings):
         draw_style(self.layout, context.scene)

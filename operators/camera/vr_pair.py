@@ -44,6 +44,7 @@ class SCFPF_OT_vr_pair(Action, bpy.types.Operator):
         default=1.95,
         min=0.0,
         subtype="DISTANCE",
+        precision=3,
     )
     merge_from: FloatProperty(
         name="Pole Merge From",

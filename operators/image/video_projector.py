@@ -87,6 +87,13 @@ class SCFPF_OT_video_projector_picture(Action, bpy.types.Operator):
             return False
         return True
 
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop_search(self, "picture", bpy.data, "images")
+        layout.prop(self, "width")
+        layout.prop(self, "height")
+
     def act(self, context):
         depsgraph = context.evaluated_depsgraph_get()
         camera = active_object(context)

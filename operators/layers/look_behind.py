@@ -39,12 +39,13 @@ MOST_ROWS = 30
 NOTHING = "The picture hides nothing that is large or selected"
 CANCELED = "Look Behind canceled: the list is as before"
 NOWHERE = "Nothing sees '{0}' freely within 75° of the picture's direction: press Add Layer instead"
+# Lines of the sidebar.
 PAST = {
-    "LEFT": "The picture sees past that soonest on its left",
-    "RIGHT": "The picture sees past that soonest on its right",
-    "UP": "The picture sees past that soonest above it",
-    "DOWN": "The picture sees past that soonest below it",
-    "": "The picture nowhere sees past that",
+    "LEFT": "Nearest free place: on its left",
+    "RIGHT": "Nearest free place: on its right",
+    "UP": "Nearest free place: above it",
+    "DOWN": "Nearest free place: below it",
+    "": "No place beside it is free",
 }
 STEPS_TO = {"LEFT": (-1, 0), "RIGHT": (1, 0), "UP": (0, 1), "DOWN": (0, -1), "": (0, 0)}
 VIEW, LAYER = "VIEW", "LAYER"
@@ -187,6 +188,7 @@ class SCFPF_OT_hidden_show(AimAction, bpy.types.Operator):
             raise UserError(
                 "'{0}' has no hidden thing at place {1}: press Look Behind", camera.name, index + 1
             )
+        camera.scfpf.active_hidden = index
         name = rows[index].name
         thing = next((obj for obj in context.view_layer.objects if obj.name_full == name), None)
         if thing is None:

@@ -14,6 +14,9 @@ IMAGE = "SCFPF Render"
 PATIENCE = 120.0
 # Long enough for a panel to be laid out and drawn by a software renderer.
 DRAW = 1.0
+# Pixels between two places at which a button is searched, seconds for it to notice the mouse, and pages of a
+# sidebar at most.
+SEARCH, HOVER, PAGES = 10, 0.04, 6
 
 
 class Driver:
@@ -97,6 +100,42 @@ class Driver:
             assert time.monotonic() < end, "the sidebar is not drawn"
             yield 0.2
         region.active_panel_category = "Flexible Projection"
+        yield DRAW
+
+    def button(self, call: str, area: str = "VIEW_3D", kind: str = "UI", across: float = 0.5):
+        """Generator: return the place (x, y) of a button on the window, None if it is not to be seen.
+
+        call: a part of what Blender copies of it for scripts. across: where it is searched, as a share of the
+        region's width.
+        """
+        region, manager = self.region(area, kind), bpy.context.window_manager
+        x = region.x + round(across * region.width)
+        for y in range(region.y + region.height - 12, region.y + 4, -SEARCH):
+            self.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+            yield HOVER
+            manager.clipboard = ""
+            self.window.event_simulate("C", "PRESS", x=x, y=y, ctrl=True)
+            self.window.event_simulate("C", "RELEASE", x=x, y=y, ctrl=True)
+            yield HOVER
+            if call in manager.clipboard:
+                return x, y
+        return None
+
+    def press(self, call: str, area: str = "VIEW_3D", kind: str = "UI", across: float = 0.5):
+        """Generator: press a button, see ``button``, which scrolling brings to sight if there is need."""
+        region = self.region(area, kind)
+        place = yield from self.button(call, area, kind, across)
+        for page in range(PAGES if place is None else 0):
+            with bpy.context.temp_override(window=self.window, area=self.area(area), region=region):
+                for _ in range(1 if page else PAGES):
+                    getattr(bpy.ops.view2d, "scroll_down" if page else "scroll_up")(page=True)
+            yield DRAW
+            place = yield from self.button(call, area, kind, across)
+            if place is not None:
+                break
+        assert place is not None, f"there is no button {call}"
+        for value in ("PRESS", "RELEASE"):
+            self.window.event_simulate("LEFTMOUSE", value, x=place[0], y=place[1])
         yield DRAW
 
     def open_image_editor(self) -> None:

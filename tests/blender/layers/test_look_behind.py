@@ -93,9 +93,12 @@ def test_a_view_shows_it_after_solve(camera):
     bpy.context.view_layer.update()
     bpy.ops.scfpf.look_behind()
     before = rows(camera)["Ball"].hidden
-    assert bpy.ops.scfpf.hidden_show(way="VIEW") == {"FINISHED"}
+    camera.scfpf.hidden_things.add()
+    camera.scfpf.active_hidden = 1
+    assert bpy.ops.scfpf.hidden_show(way="VIEW", index=0) == {"FINISHED"}
     (target,) = camera.scfpf.aim_targets
     assert target.object.name == "Ball" and target.position[0] < 0.35
+    assert camera.scfpf.active_hidden == 0
     assert bpy.ops.scfpf.aim_solve() == {"FINISHED"}, camera.scfpf.aim.message
     bpy.data.objects["Ball"].select_set(True)
     bpy.context.view_layer.objects.active = camera
@@ -110,7 +113,7 @@ def test_what_is_enclosed_has_no_view_but_a_layer(addon, camera):
     bpy.data.objects["Ball"].location = 0.0, 0.0, 0.0
     bpy.context.view_layer.update()
     bpy.ops.scfpf.look_behind()
-    assert "nowhere sees past" not in rows(camera)["Ball"].message
+    assert "No place" not in rows(camera)["Ball"].message
     objects = len(bpy.data.objects)
     with pytest.raises(RuntimeError, match="press Add Layer instead"):
         bpy.ops.scfpf.hidden_show(way="VIEW")
