@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Anchors of presets on the demo's street: how many, how long, and how exact; whole pictures by EEVEE.
 
-    python3 dev.py bench --anchors [--only PRESET …] [--width PIXELS] [--whole]
+    python3 dev.py bench --anchors [--only PRESET …] [--width PIXELS] [--whole] [--rig]
 
 For each preset: anchors of the first plan and further ones, their pixels as a multiple of the picture's,
 processor seconds of planning (with the further ones) and of the look-up of a million points, the share of
@@ -11,6 +11,11 @@ them.
 
 --whole renders each preset by EEVEE with 4 samples as well, and an ordinary camera's picture of the same
 size in the same place.
+
+--rig joins each preset from renders by Cycles, 16 hits a pixel in light that does not bounce, and compares it
+with Cycles' own through the rig. Of pixels beside which no colours change, the root mean square of the
+differences, that of two pictures through the rig with other noise, and the share off by more than 0.1; then
+this share of all pixels.
 """
 
 from __future__ import annotations
@@ -34,6 +39,9 @@ WIDTH = 640
 # Wider than high by so much, if a preset is no square one.
 WIDE = {"around_the_car": 3.0}
 SAMPLES = 4
+# Beside the rig: hits of a pixel, samples of Cycles through the rig, and what is off. Colours that differ by
+# more than EDGE are those of an edge.
+HITS, RIG_SAMPLES, OFF, EDGE = 16, 64, 0.1, 0.1
 # The bars: a second of two cores.
 MOST_HOLES, LEAST_WITHIN, MOST_SECONDS = 5e-4, 0.995, 2.0
 
@@ -134,9 +142,60 @@ def rendered(scene, camera) -> tuple[float, float]:
         return joined, perf_counter() - begun
 
 
-def measured(path: Path, street, width: int, whole: bool) -> str:
+def result(scene) -> np.ndarray:
+    """The picture (H, W, 3) of the Render button's image."""
+    import bpy
+
+    width, height = scene.render.resolution_x, scene.render.resolution_y
+    values = np.empty(width * height * 4, np.float32)
+    bpy.data.images["SCFPF Render"].pixels.foreach_get(values)
+    return values.reshape(height, width, 4)[..., :3]
+
+
+def by_cycles(scene, seed: int) -> np.ndarray:
+    """The picture (H, W, 3) of the scene's camera by Cycles."""
+    import bpy
+
+    scene.cycles.samples, scene.cycles.seed = RIG_SAMPLES, seed
+    scene.render.filepath = str(Path(bpy.app.tempdir, "anchored.exr"))
+    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+    bpy.ops.render.render(write_still=True, scene=scene.name)
+    image = bpy.data.images.load(scene.render.filepath)
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    bpy.data.images.remove(image)
+    return values.reshape(scene.render.resolution_y, scene.render.resolution_x, -1)[..., :3]
+
+
+def beside_rig(scene, camera) -> list[str]:
+    """Cells of the table: how a picture joined from renders by Cycles differs from that through the rig."""
+    import bpy
+
+    cycles, scene.render.engine = scene.cycles, "CYCLES"
+    cycles.use_denoising = cycles.use_adaptive_sampling = False
+    cycles.max_bounces, cycles.samples, camera.scfpf.samples = 0, HITS, HITS
+    # Pixels are boxes in both.
+    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    scene.scfpf_sampling.pixel_filter, scene.render.filter_size = "BOX", 1.0
+    scene.camera = camera
+    with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        room("engines.anchors_job").render_anchors(bpy.context, camera)
+        joined = result(scene)
+        made = room("cycles.rig").switch_on(bpy.context, camera)
+        rig, other = (by_cycles(scene, seed) for seed in (0, 1))
+        room("cycles.rig").switch_off(made)
+    grown = np.pad(0.5 * (rig + other), [(1, 1), (1, 1), (0, 0)], mode="edge")
+    height, width = rig.shape[:2]
+    beside = [grown[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    inner = (np.max(beside, axis=0) - np.min(beside, axis=0)).max(axis=2) <= EDGE
+    off = np.abs(joined - rig).max(axis=2) > OFF
+    mean, noise = (float(np.sqrt(np.mean((each - rig)[inner] ** 2))) for each in (joined, other))
+    return [f"{mean:.4f}", f"{noise:.4f}", f"{off[inner].mean():.2%}", f"{off.mean():.2%}"]
+
+
+def measured(path: Path, street, options) -> str:
     """A line of the table, with * at what misses its bar."""
-    scene, camera = shot(street, path, width)
+    scene, camera = shot(street, path, options.width)
     size = scene.render.resolution_x, scene.render.resolution_y
 
     def read(depsgraph):
@@ -163,9 +222,11 @@ def measured(path: Path, street, width: int, whole: bool) -> str:
         f"{holes:.3%}{'*' * (holes > MOST_HOLES)}",
         f"{within:.2%}{'*' * (within < LEAST_WITHIN)}",
     ]
-    if whole:
+    if options.whole:
         joined, ordinary = rendered(scene, camera)
         cells.append(f"{joined:.1f} s, {joined / ordinary:.1f} ×")
+    if options.rig:
+        cells += beside_rig(scene, camera)
     return f"| {' | '.join(cells)} |"
 
 
@@ -175,11 +236,14 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[], metavar="PRESET", help="these presets alone")
     parser.add_argument("--width", type=int, default=WIDTH, help="of the pictures, in pixels")
     parser.add_argument("--whole", action="store_true", help="render the pictures by EEVEE as well")
+    parser.add_argument("--rig", action="store_true", help="compare with the Cycles rig as well")
     options = parser.parse_args()
     with render_demo.scratch_profile() as scratch:
         render_demo.enable_add_on(scratch)
-        print("| preset | anchors | pixels | plan | a million points | holes | within half a pixel |")
-        print("|---|---|---|---|---|---|---|")
+        heads = ["preset", "anchors", "pixels", "plan", "a million points", "holes", "within half a pixel"]
+        heads += ["by EEVEE"] * options.whole
+        heads += ["RMSE", "noise", "off", "off of all"] * options.rig
+        print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
         for build, is_land in ((render_demo.build_street, False), (land, True)):
             paths = [
                 path
@@ -190,7 +254,7 @@ def main() -> None:
                 continue
             scene = build()
             for path in paths:
-                print(measured(path, scene, options.width, options.whole), flush=True)
+                print(measured(path, scene, options), flush=True)
 
 
 if __name__ == "__main__":

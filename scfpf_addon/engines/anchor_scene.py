@@ -195,6 +195,10 @@ class AnchorScene:
         """Let the next render be the ordinary one of a camera."""
         self._present().camera = camera
 
+    def leave_out_sky(self) -> None:
+        """Let renders be clear where they show nothing."""
+        self._present().render.film_transparent = True
+
     def show_world_alone(self) -> None:
         """Leave all things out of further renders."""
         scene = self._present()

@@ -23,10 +23,11 @@ from ..cycles.layers.layer_passes import Mist
 from ..cycles.layers.pass_files import Pass, read_passes
 from ..projection.typing import BoolArray
 from ..projection.user_error import Message
-from ..shading.frame import Frame, render_frame
+from ..shading.frame import Frame, draw_over_frame, render_frame
+from ..shading.passes.data_passes import DataPasses
 from ..shading.typing import Single
 from .anchor_scene import AnchorScene
-from .cautions import LEFT_OUT_SETTINGS, cautions
+from .cautions import LEFT_OUT_SETTINGS, cautions, fill_cautions
 from .joined_tiles import Pictures, joined_pixels
 from .picture_plan import PicturePlan, ReadPicture, plan_picture_steps, read_picture
 from .render_times import TakenTime, note_time
@@ -38,6 +39,7 @@ LARGEST = 1e6
 HOLES = "{0:.2%} of the picture is seen by none of its {1} renders: Flexible Projection has colored it"
 JOINING = Message("joining the renders")
 SHADING = Message("rendering by Flexible Projection for passes and holes")
+DRAWING = Message("drawing lines")
 
 # What steps yield: the name of a render for Blender, or work for a thread.
 Steps = Iterator[str | AwaitedWork]
@@ -68,6 +70,7 @@ class AnchoredRender:
         """
         picture, asked = read_picture(self._passing, camera), (camera.session_uid, camera.data.dof.use_dof)
         del camera
+        self.warnings += fill_cautions(picture.inputs.settings.stylised)
         if not picture.inputs.is_ordinary:
             yield from self._planned(picture, *asked)
 
@@ -78,6 +81,10 @@ class AnchoredRender:
         """
         picture = read_picture(self._passing, camera, eye=self._eye)
         inputs, size = picture.inputs, picture.size
+        self.warnings += fill_cautions(inputs.settings.stylised)
+        if inputs.settings.paper is not None:
+            self._passing.leave_out_sky()
+            inputs = replace(inputs, settings=replace(inputs.settings, transparent=True))
         if inputs.is_ordinary and not self._eye:
             self.total = 1
             self._passing.look_as(camera)
@@ -169,9 +176,25 @@ class AnchoredRender:
 
             frame = yield from in_background(SHADING, work)
             channels[holes, :4] = frame.pixels[holes]
-        self.pixels = np.ascontiguousarray(channels[..., :4])
+        pixels = np.ascontiguousarray(channels[..., :4])
+        if inputs.settings.stylised is not None:
+            yield from self._drawn_over(pixels, picture)
+        self.pixels = pixels
         self.passes = passes.passes(channels, frame)
         self.warnings += passes.warnings
+
+    def _drawn_over(self, pixels: Single, picture: ReadPicture) -> Generator[AwaitedWork, None, None]:
+        """Draw the paper, hatching and lines of Drawn Style over joined pixels (H, W, 4)."""
+        inputs, style = picture.inputs, picture.inputs.settings.stylised
+        settings = replace(inputs.settings, stylised=replace(style, fill="RENDERED"), passes=DataPasses())
+        geometry = replace(inputs.scene.geometry, one_sided=picture.one_sided)
+        scene = replace(inputs.scene, geometry=geometry)
+
+        def work(task: Task[bool]) -> bool:
+            told = (lambda share: _tell(task, share)), (lambda: task.cancelled)
+            return draw_over_frame(inputs.projection, scene, settings, pixels, *told)
+
+        yield from in_background(DRAWING, work)
 
     def _rendered(
         self, anchor: Anchor, part: ImagePart | None = None

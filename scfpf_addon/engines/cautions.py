@@ -10,6 +10,7 @@ from ..bridge.blender.shader_nodes import output_shaders
 from ..bridge.scene.read_visibility import rendered_objects
 from ..cycles.rig_data import CYCLES
 from ..projection.user_error import Message
+from ..shading.settings.stylised_settings import Stylised
 
 # Switched off in the renders.
 LEFT_OUT = "Left out of pictures that are joined: {0}"
@@ -28,6 +29,16 @@ FACELESS = {"GREASEPENCIL": "Grease Pencil", "CURVES": "hair", "POINTCLOUD": "po
 SOFT = "Soft and clear parts have what is behind them in an ordinary render: {0}"
 # Found by each render in its own picture.
 BY_SCREEN = "Seen by each ordinary render in its own picture only, it may change where they meet: {0}"
+# Drawn Style has colours of its own between lines.
+OTHER_FILL = (
+    "Drawn Style's fill is left out: lines, hatching and paper are drawn over the renders. Choose the fill "
+    "Rendered, or render with Flexible Projection"
+)
+
+
+def fill_cautions(style: Stylised | None) -> list[Message]:
+    """What joined pictures do not show of Drawn Style."""
+    return [Message(OTHER_FILL)] if style is not None and style.fill != "RENDERED" else []
 
 
 def left_out(scene) -> list[str]:

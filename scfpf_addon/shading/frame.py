@@ -152,6 +152,35 @@ def render_frame(
     return Frame(tiles.pixels, report, tiles.passes)
 
 
+def draw_over_frame(
+    projection: Projection,
+    scene: Scene,
+    settings: FrameSettings,
+    pixels: Single,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> bool:
+    """Draw the paper, hatching and lines of a style over a finished image; False when cancelled.
+
+    projection: in world space. settings: of the whole image, with a style, whose fill the image is. pixels:
+    (H, W, 4) float32, contiguous, premultiplied, row 0 at the bottom, changed in place. progress, cancelled,
+    and what is raised: as for ``render_frame``.
+    """
+    try:
+        with cancelled_by(CallerSignal(cancelled)):
+            drawing = Pipeline.of(projection, scene, settings).drawing
+    except Cancelled:
+        return False
+    assert drawing is not None and settings.border is None
+
+    def draw(job: TileJob) -> None:
+        """Draw over a tile, in a thread."""
+        drawing.draw_over(job.rows, None, pixels[job.rows].reshape(-1, 4))
+
+    tiles = image_tiles(settings.width, settings.height)
+    return run_tiles(draw, tiles, settings.threads, lambda _rows, _made: None, progress, cancelled)
+
+
 def report_of(
     projection: Projection, scene: Scene, pipeline: Pipeline, counts: CastCounts, hits: int
 ) -> RenderReport:

@@ -72,3 +72,26 @@ def test_matt_surfaces_are_as_the_engine_shades_them(scene, addon, preset):
     assert np.sqrt(np.mean((joined - ours)[inner] ** 2)) <= 0.01
     assert (off[inner] > 0.1).mean() <= 1e-3
     assert (off > 0.1).mean() <= 0.01
+
+
+@pytest.mark.parametrize("preset", ["perspective", "inverted_perspective"])
+def test_lines_and_paper_are_drawn_over_the_renders(scene, addon, preset):
+    """Those of Drawn Style, as our own engine draws them; through a camera's own view as well."""
+    flexible(scene.camera, preset)
+    scene.camera.scfpf.samples = 16
+    assert bpy.ops.scfpf.render(camera=scene.camera.name) == {"FINISHED"}
+    plain = result()
+    style = scene.scfpf_drawn
+    style.use_drawn, style.fill, style.line_color = True, "RENDERED", (1.0, 0.0, 0.0)
+    style.use_paper, style.paper_color = True, (0.0, 1.0, 0.0)
+    assert bpy.ops.scfpf.render(camera=scene.camera.name) == {"FINISHED"}
+    ours = result()
+    changed = np.abs(ours - plain).max(axis=2) > 0.2
+    assert (changed & (ours[..., 0] > 0.8)).mean() > 0.02 and (changed & (ours[..., 1] > 0.8)).mean() > 0.05
+    job = addon("engines.anchors_job").render_anchors(bpy.context, scene.camera)
+    off = np.abs(result() - ours).max(axis=2) > 0.1
+    assert off.mean() <= 0.01 and not job.warnings
+    style.fill = "TOON"
+    job = addon("engines.anchors_job").render_anchors(bpy.context, scene.camera)
+    assert (np.abs(result() - ours).max(axis=2) > 0.1).mean() <= 0.01
+    assert any("Drawn Style's fill is left out" in str(text) for text in job.warnings)

@@ -10,7 +10,7 @@ import scfpf_addon.casting.tiles as tiles
 from scfpf_addon.casting.common.ray_visibility import CAMERA, CATCHER, EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
-from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.frame import draw_over_frame, render_frame
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.passes.data_passes import DataPasses
 from scfpf_addon.shading.scene.shading_scene import Light
@@ -90,6 +90,19 @@ def test_a_balls_outline_lies_on_its_silhouette(build, make):
     # Ink is a pixel wide, so that its sum is the silhouette's length: the mean of both sides'.
     inside = np.sqrt(4 * np.pi * (missed < 0).sum())
     assert drawn.sum() == pytest.approx(inside, rel=0.1)
+
+
+@pytest.mark.parametrize("hatching", [None, Hatching("TONE"), Hatching("DEPTH")])
+def test_a_finished_image_is_drawn_over_as_a_rendered_one(build, hatching):
+    """Whoever has rendered what is between the lines: here the same renderer, without a style."""
+    scene = build.scene([build.sphere(24, BALL_CENTRE, BALL_RADIUS), box()])
+    settings = stylised(fill="RENDERED", hatching=hatching)
+    rendered = render_frame(bent(build), scene, settings).pixels
+    pixels = render_frame(bent(build), scene, replace(settings, stylised=None, transparent=True)).pixels
+    assert np.abs(pixels - rendered).max() > 0.5
+    assert draw_over_frame(bent(build), scene, settings, pixels)
+    np.testing.assert_allclose(pixels, rendered, atol=1e-6)
+    assert not draw_over_frame(bent(build), scene, settings, pixels, cancelled=lambda: True)
 
 
 def test_contours_are_where_projectors_graze_the_normals(build):
