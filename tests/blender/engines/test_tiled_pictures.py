@@ -65,10 +65,16 @@ def assert_alike(tile, own):
     assert np.median(off) < 0.01 and (off > 0.1).mean() < 0.06, np.sort(off.ravel())[::100]
 
 
-@pytest.mark.parametrize(
-    ("press", "engine"), [("quilt", "SCENE"), ("quilt_joined", "SCENE"), ("quilt", "RIG")]
-)
-def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine, tmp_path):
+QUILTS = [
+    ("quilt", "SCENE"),
+    ("quilt_joined", "SCENE"),
+    ("quilt", "RIG"),
+    ("quilt", "WORKBENCH"),
+]
+
+
+@pytest.mark.parametrize(("press", "engine"), QUILTS)
+def test_a_tile_is_the_view_of_an_ordinary_camera_by_its_engine(scene, press, engine, tmp_path):
     """Of cameras side by side whose lens is shifted so that the focus stays where it is."""
     camera, lens = scene.camera, scene.camera.data
     columns, rows, focus, cone = 2, 2, 5.0, math.radians(30)
@@ -76,6 +82,7 @@ def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine
     camera.scfpf.samples = 1
     render = getattr(bpy.ops.scfpf, press)
     path = {"filepath": str(tmp_path / "quilt.png")} if press == "quilt_joined" else {}
+    show_objects(scene)
     assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine=engine, **path) == {"FINISHED"}
     if path:
         written = bpy.data.images.load(path["filepath"])
@@ -83,6 +90,7 @@ def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine
     quilt = picture()
     assert quilt.shape == (rows * HEIGHT, columns * WIDTH, 3)
     camera.scfpf.enabled = False
+    scene.render.engine = "BLENDER_WORKBENCH" if engine == "WORKBENCH" else "CYCLES"
     reach = focus * math.tan(cone / 2)
     for number, offset in enumerate(np.linspace(-reach, reach, columns * rows)):
         camera.location.x, lens.shift_x = offset, -offset / focus * lens.lens / lens.sensor_width
@@ -92,6 +100,16 @@ def test_a_tile_is_the_view_of_an_ordinary_camera_by_cycles(scene, press, engine
         tile = quilt[row * HEIGHT : (row + 1) * HEIGHT, column * WIDTH : (column + 1) * WIDTH]
         assert_alike(tile, own)
     assert np.abs(quilt[:HEIGHT, :WIDTH] - quilt[HEIGHT:, -WIDTH:]).mean() > 0.01
+
+
+def show_objects(scene):
+    """Let Workbench show one place a pixel, by its object's colour."""
+    scene.display.render_aa, shading = "OFF", scene.display.shading
+    shading.light, shading.color_type = "FLAT", "OBJECT"
+    shading.show_object_outline = shading.show_cavity = shading.show_shadows = False
+    cubes = [obj for obj in scene.objects if obj.name.startswith("Cube")]
+    for obj, color in zip(cubes, np.eye(4), strict=True):
+        obj.color = *color[:3], 1.0
 
 
 @pytest.mark.parametrize("engine", ("SCENE", "RIG"))
@@ -128,6 +146,42 @@ def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path, engine):
         assert_alike(both[number * 48 : (number + 1) * 48], own)
         other = both[(1 - number) * 48 : (2 - number) * 48]
         assert np.median(np.linalg.norm(other - own, axis=-1)) * 16 > 0.05
+
+
+@pytest.mark.parametrize(
+    ("mode", "pivot", "engine"),
+    [
+        ("OFFAXIS", "CENTER", "SCENE"),
+        ("OFFAXIS", "RIGHT", "RIG"),
+        ("PARALLEL", "LEFT", "SCENE"),
+        ("TOE", "CENTER", "RIG"),
+        ("TOE", "RIGHT", "SCENE"),
+    ],
+)
+def test_both_eyes_are_those_of_the_cameras_own_stereo_by_cycles(scene, mode, pivot, engine):
+    """For a camera that is turned, scaled and shifted: Blender's own eyes, and those of its volume."""
+    camera, render = scene.camera, scene.render
+    camera.rotation_euler, camera.scale = (1.5, 0.1, 0.05), (1.5, 1.5, 1.5)
+    camera.data.shift_x = 0.1
+    stereo = camera.data.stereo
+    stereo.convergence_mode, stereo.pivot = mode, pivot
+    stereo.interocular_distance, stereo.convergence_distance = 0.7, 4.0
+    render.use_multiview, render.views_format = True, "STEREO_3D"
+    render.image_settings.views_format = "INDIVIDUAL"
+    assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+    own = []
+    for view in ("left", "right"):
+        found = passes(f"{render.filepath}{render.views[view].file_suffix}.exr")
+        own.append(next(values for name, values in found.items() if name.endswith("Combined"))[..., :3])
+    bpy.context.view_layer.objects.active = camera
+    bpy.ops.scfpf.camera_from_camera()
+    camera.scfpf.samples = 1
+    assert bpy.ops.scfpf.eyes_joined(engine=engine) == {"FINISHED"}
+    both = picture()
+    assert both.shape == (HEIGHT, 2 * WIDTH, 3)
+    for number, eye in enumerate(own):
+        assert_alike(both[:, number * WIDTH : (number + 1) * WIDTH], eye)
+    assert np.median(np.linalg.norm(own[0] - own[1], axis=-1)) * 16 > 0.05
 
 
 def test_the_rig_of_each_eye_leaves_nothing(scene):
