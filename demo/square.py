@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from .mesh import Array, MeshBuilder, material, place
+from .people import people
 from .street import KERB, build_lamp, build_scene, build_tree
 
 # The sides of the pavement's tiles in metres, and how far they reach.
@@ -34,22 +35,11 @@ OTHERS = (
 )
 LAMPS = [(-4.6, float(y)) for y in range(-6, 57, 6)]
 TREES = ((7.4, 0.5), (-7.8, 4.5))
-COATS = {
-    "Coat red": (0.55, 0.02, 0.015),
-    "Coat yellow": (0.75, 0.42, 0.03),
-    "Coat white": (0.72, 0.69, 0.62),
-    "Coat blue": (0.02, 0.14, 0.34),
-    "Coat green": (0.03, 0.20, 0.10),
-}
 
 
 def _palette() -> dict[str, bpy.types.Material]:
-    """The materials of people and the kiosk by name."""
-    found = {name: material(name, color, 0.75) for name, color in COATS.items()}
-    return found | {
-        "Skin": material("Skin", (0.55, 0.30, 0.19), 0.6),
-        "Hair": material("Hair", (0.05, 0.028, 0.018), 0.6),
-        "Trousers": material("Trousers", (0.045, 0.045, 0.06), 0.8),
+    """The materials of the kiosk and the tiles by name."""
+    return {
         "Kiosk": material("Kiosk", (0.52, 0.02, 0.015), 0.4),
         "Kiosk trim": material("Kiosk trim", (0.78, 0.72, 0.58), 0.5),
         "Kiosk roof": material("Kiosk roof", (0.03, 0.16, 0.15), 0.4),
@@ -57,24 +47,6 @@ def _palette() -> dict[str, bpy.types.Material]:
         "Tile light": material("Tile light", (0.46, 0.42, 0.36), 0.8),
         "Tile dark": material("Tile dark", (0.13, 0.125, 0.13), 0.8),
     }
-
-
-def _person(coat: str) -> MeshBuilder:
-    """A figure 1.8 m high that looks along -Y, with a long coat."""
-    builder = MeshBuilder()
-    for side in (-1.0, 1.0):
-        leg = [(0.0, 0.0), (0.085, 0.02), (0.08, 0.5), (0.10, 0.8), (0.0, 0.82)]
-        builder.lathe(leg, 12, "Z", (0.11 * side, 0.0, 0.0), "Trousers")
-        builder.ball((0.11 * side, -0.06, 0.05), (0.07, 0.14, 0.05), "Trousers")
-        arm = [(0.0, 0.78), (0.06, 0.80), (0.07, 1.1), (0.085, 1.38), (0.0, 1.46)]
-        builder.lathe(arm, 12, "Z", (0.29 * side, 0.02, 0.0), coat)
-        builder.ball((0.29 * side, 0.0, 0.76), (0.055, 0.06, 0.07), "Skin")
-    body = [(0.0, 0.62), (0.30, 0.60), (0.25, 0.95), (0.235, 1.1), (0.27, 1.36), (0.17, 1.47), (0.0, 1.5)]
-    builder.lathe(body, 20, "Z", (0.0, 0.0, 0.0), coat)
-    builder.lathe([(0.07, 1.44), (0.065, 1.58)], 12, "Z", (0.0, 0.0, 0.0), "Skin")
-    builder.ball((0.0, -0.01, 1.66), (0.115, 0.13, 0.15), "Skin")
-    builder.ball((0.0, 0.025, 1.70), (0.128, 0.135, 0.14), "Hair")
-    return builder
 
 
 def _kiosk() -> MeshBuilder:
@@ -138,12 +110,12 @@ def build_square(scene: bpy.types.Scene) -> None:
     palette = _palette()
     place("Tiles", _tiles().mesh("Tiles", palette), square)
     place("Kiosk", _kiosk().mesh("Kiosk", palette), square)
-    people = {coat: _person(coat).mesh(f"Person {coat}", palette) for coat in COATS}
-    coats = list(COATS)
+    figures = people()
+    coats = list(figures)
     for number, (x, y) in enumerate(ROW):
-        place(f"Row {number}", people[coats[number % len(coats)]], square, (x, y, 0.0), 0.3 * number)
+        place(f"Row {number}", figures[coats[number % len(coats)]], square, (x, y, 0.0), 0.3 * number)
     for number, (x, y, turn, coat) in enumerate(OTHERS):
-        place(f"Person {number}", people[coat], square, (x, y, 0.0), np.radians(turn))
+        place(f"Person {number}", figures[coat], square, (x, y, 0.0), np.radians(turn))
     street = {one.name: one for one in bpy.data.materials}
     lamp = build_lamp().mesh("Lamp of the row", street, outward=True)
     for number, (x, y) in enumerate(LAMPS):

@@ -8,6 +8,7 @@ operators have Blender's context "Operator", all others "*".
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -34,7 +35,7 @@ ANY, OPERATOR = "*", "Operator"
 
 def catalogue(module: str) -> list[Text]:
     """All texts, sorted. module: the name of the enabled extension's package."""
-    found = {*registered(module), *((ANY, text) for text in (*written(), *raised()))}
+    found = {*registered(module), *((ANY, text) for text in (*written(), *raised(), *presets()))}
     # A docstring's line breaks depend on Python.
     plain = {(context, " ".join(text.split()) if "\n" in text else text) for context, text in found}
     kept = (text for text in plain if not NO_TEXT.fullmatch(text[1]))
@@ -88,6 +89,13 @@ def written() -> Iterator[str]:
                 continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 yield from _shown_by(node)
+
+
+def presets() -> Iterator[str]:
+    """The names and descriptions of the shipped presets."""
+    for path in sorted((ROOT / "presets").glob("*.json")):
+        preset = json.loads(path.read_text(encoding="utf-8"))
+        yield from (preset["name"], preset["description"])
 
 
 @cache

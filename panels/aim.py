@@ -27,6 +27,13 @@ NUMBERS = {
 # The angle of a press of the buttons that turn a view, and what each does: to the left, and up.
 STEP = math.radians(10)
 TURNS = (("Left", STEP, 0.0), ("Right", -STEP, 0.0), ("Up", 0.0, STEP), ("Down", 0.0, -STEP))
+# What comes next, by the kind of the active target, before the first solve.
+NEXT = {
+    VIEW: "Move its frame or turn the view, then press Solve",
+    PIN: "Drag the pin to its place, then press Solve",
+    LINE: "Press Solve: the line becomes straight",
+    STAY: "Add a view or a pin, then press Solve",
+}
 # Lines below the buttons for what is wrong with a target and for the outcome of a solve.
 OUTCOME_LINES = 3
 # A target is met well whose points are all within so many pixels.
@@ -149,6 +156,8 @@ def draw_outcome(layout, settings) -> None:
     # The line of the whole solve has that of its only view.
     own = "" if own in settings.aim.message else own
     texts = [translated_label(text) for text in (own, *settings.aim.message.split(" · ")) if text]
+    if not texts and settings.active_aim < len(targets):
+        texts = [translated_label(NEXT[targets[settings.active_aim].kind])]
     draw_fixed(layout, texts, "ERROR" if is_flawed else "INFO", OUTCOME_LINES)
 
 

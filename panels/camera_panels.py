@@ -5,7 +5,7 @@ import bpy
 
 from ..operators.camera.presets import preset_items
 from ..operators.common.target import active_object, camera_of, flexible_camera_of
-from ..operators.common.words import label_text
+from ..operators.common.words import label_text, translated_label
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.blends.blend_ends import ends_of, is_map_animated, knows_its_ends
 from ..scfpf_addon.bridge.blends.camera_blend import is_baked, is_blend, is_too_coarse
@@ -50,7 +50,8 @@ def draw_blend(layout, camera) -> None:
     column.prop(ends, "first", text="", icon="CAMERA_DATA")
     if ends.second is None:
         names = {stem: name for stem, name, _text in preset_items()}
-        column.label(text=label_text("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
+        name = translated_label(names.get(ends.preset, ends.preset))
+        column.label(text=label_text("To the preset {0}, or to:", name))
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
     second, *further = ends_of(camera)

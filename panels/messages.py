@@ -12,7 +12,7 @@ from typing import NamedTuple
 import bpy
 
 from ..operators.camera.preview import FLAT
-from ..operators.camera.ways import joined_engine, rendered_camera
+from ..operators.camera.ways import is_any, is_live, joined_engine, rendered_camera
 from ..operators.common.target import flexible_camera_of
 from ..operators.common.words import label_text, translated_label
 from ..scfpf_addon.anchors.kept_plan import KeptPlan
@@ -35,8 +35,11 @@ from .surface_list import absence_of
 LINES = 2
 # For a volume that is as the camera's own view.
 NEXT = Message("Straight so far: choose a preset, or add a surface with + and move it (G)")
-# If there is no message.
+# While the control surfaces can be selected.
+EDITING = Message("Select a surface (its arrow or a click), then press G, R or S")
+# If there is no message: without Live View, and with it.
 READY = Message("Ready: press Render, or Live View to see it while you work")
+READY_LIVE = Message("Ready: press Render")
 # The problem of a control surface that the scene lacks, by ``absence_of``.
 ABSENT = {
     "deleted": "A control surface was deleted",
@@ -95,7 +98,9 @@ def messages(context, camera) -> Iterator[Told]:
     if text := plan_text(scene, camera):
         yield Told(text)
     yield from _of_aim(camera.scfpf)
-    if is_plain(camera):
+    if camera.scfpf.edit_volume:
+        yield Told(EDITING)
+    elif is_plain(camera):
         yield Told(NEXT)
 
 
@@ -173,7 +178,8 @@ def reported(counts) -> list[str]:
 def draw_messages(layout, context, camera) -> None:
     """Draw the most urgent message, with its button and that of the popover, in ``LINES`` + 1 lines."""
     found = list(messages(context, camera))
-    first = found[0] if found else Told(READY, "CHECKMARK")
+    ready = READY_LIVE if is_any(context, camera, is_live) else READY
+    first = found[0] if found else Told(ready, "CHECKMARK")
     column = layout.box().column(align=True)
     text = translated_label(first.text).replace(" · ", ", ")
     fits = draw_fixed(column, [text], first.icon, LINES)

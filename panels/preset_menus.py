@@ -2,6 +2,7 @@
 """Menus of presets: the shipped ones by group, and the artist's own, read whenever they are opened."""
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..operators.camera.own_presets import own_presets
 from ..operators.camera.presets import preset_groups
@@ -13,7 +14,7 @@ def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.t
 
     def draw(self, _context):
         self.layout.operator_context = "EXEC_REGION_WIN"
-        draw_entries(self.layout, operator, items)
+        draw_entries(self.layout, operator, sorted(items, key=lambda item: pgettext_iface(item[1])))
 
     contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
     return type(identifier, (bpy.types.Menu,), contents)
@@ -78,7 +79,7 @@ class SCFPF_MT_presets_own(bpy.types.Menu):
     def draw(self, _context):
         layout, found = self.layout, own_presets()
         layout.operator_context = "EXEC_REGION_WIN"
-        draw_entries(layout, "scfpf.preset_apply_own", found, own_thumbnail)
+        draw_entries(layout, "scfpf.preset_apply_own", found, own_thumbnail, translate=False)
         if not found:
             layout.label(text="None yet: Save as Preset adds one")
         layout.separator()
@@ -98,7 +99,7 @@ class SCFPF_MT_presets_remove(bpy.types.Menu):
     def draw(self, _context):
         self.layout.operator_context = "INVOKE_REGION_WIN"
         for stem, name, _text in own_presets():
-            self.layout.operator("scfpf.preset_remove", text=name).preset = stem
+            self.layout.operator("scfpf.preset_remove", text=name, translate=False).preset = stem
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -34,11 +34,12 @@ def _icon(name: str, path) -> int:
     return previews[name].icon_id
 
 
-def draw_entries(layout, operator: str, items, icon_of=thumbnail) -> None:
+def draw_entries(layout, operator: str, items, icon_of=thumbnail, translate: bool = True) -> None:
     """Draw presets (identifier, name, description), each as an image and a button of an operator.
 
-    icon_of: a function from an identifier to its icon number. Images form one column, names another, of the
-    same heights: a menu starts a new column at an item that begins farther right than the one before it.
+    icon_of: a function from an identifier to its icon number. translate: whether names are shown in the
+    language of the interface. Images form one column, names another, of the same heights: a menu starts a
+    new column at an item that begins farther right than the one before it.
     """
     icons = [icon_of(preset) for preset, _name, _description in items]
     row = layout.row()
@@ -52,7 +53,7 @@ def draw_entries(layout, operator: str, items, icon_of=thumbnail) -> None:
     for icon, (preset, name, _description) in zip(icons, items, strict=True):
         entry = names.column()
         entry.scale_y = SCALE if icon else 1.0
-        entry.operator(operator, text=name).preset = preset
+        entry.operator(operator, text=name, translate=translate).preset = preset
 
 
 def register():

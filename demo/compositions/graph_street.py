@@ -11,15 +11,27 @@ import numpy as np
 from . import town
 from .parts import Tile, add_camera, frame_rays, new_scene, tiled
 
-SIZE = (1240, 500)
+SIZE = (1240, 480)
 LENS, EYE = 21.5, np.array([0.0, 0.0, 2.9])
 # Half the width of the street, and where the side streets begin and end.
 HALF = 7.0
 SIDES = ((9.5, 20.0), (24.0, 56.0))
 END, REACH = 98.0, 62.0
 # How far before a side street's mouth its own eye is, in widths of the mouth; how far the image looks up.
-BACK, RISE = 0.8, 0.13
+BACK, RISE = 0.8, 0.15
 NEAR, FAR = 0.2, 160.0
+# Who walks in the street: x, y, turn in degrees.
+PEOPLE = (
+    (-2.6, 22.2, 80.0),
+    (0.2, 21.6, -95.0),
+    (5.9, 21.6, -30.0),
+    (-5.8, 22.2, 170.0),
+    (-3.6, 14.2, 150.0),
+    (-2.9, 14.0, 200.0),
+    (4.4, 15.5, -60.0),
+    (-24.0, 24.0, 90.0),
+    (22.0, 23.6, 90.0),
+)
 COLUMNS, ROWS = 48, 12
 
 
@@ -109,8 +121,12 @@ def _build_town(scene) -> None:
             ("Red car", (0.38, 0.012, 0.010), HALF + 6.0, mouths[0] + 0.6, np.pi / 2),
             ("Cream car", (0.60, 0.48, 0.28), -HALF - 12.0, mouths[1] + 2.6, np.pi / 2),
             ("Blue car", (0.03, 0.08, 0.34), HALF + 12.0, mouths[1], -np.pi / 2),
-            ("White car", (0.62, 0.62, 0.60), 2.2, 30.0, 0.0),
+            ("White car", (0.62, 0.62, 0.60), 2.6, 29.0, 0.0),
         ),
     )
-    town.day(scene, (44.0, 0.0, -38.0))
-    scene.view_settings.exposure = 1.0
+    zebra = [(x, 20.8, x + 0.6, 23.4) for x in np.arange(2.3 - HALF, HALF - 2.3, 1.25)]
+    middle = [(-0.09, y, 0.09, y + 2.0) for y in np.arange(26.0, END, 4.5)]
+    town.stripes(scene, [*zebra, *middle])
+    town.walkers(scene, PEOPLE)
+    # Each part of the image has a sky of its own, so that it has one color.
+    town.dusk(scene, (66.0, 0.0, -24.0), exposure=0.75)

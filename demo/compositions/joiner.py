@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..evening import evening
 from ..mesh import MeshBuilder, material, place
 from ..render_demo import build_street
 from .parts import Array, Tile, add_camera, frame_rays, sized, tiled
@@ -49,6 +50,7 @@ def build():
         tiles += [inner, Tile(outer, [low, high])]
     whole = np.array([[[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [1.0, 1.0]]])
     tiled(camera, [*tiles, Tile(whole, [low, high])], ("Prints", "Seen"))
+    evening(scene, exposure=0.95)
     return scene
 
 

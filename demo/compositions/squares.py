@@ -7,14 +7,31 @@ import numpy as np
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
+from ..evening import evening
 from ..mesh import MeshBuilder, material, place
 from ..render_demo import build_street
 from . import town
 from .parts import add_camera, blended, new_scene, pinned, sized
 
-HIDDEN_SIZE, TOUR_SIZE = (1120, 560), (1120, 640)
+HIDDEN_SIZE, TOUR_SIZE = (1120, 500), (1120, 600)
 # The monument in the square, which the palace hides.
 MONUMENT = (0.0, 31.0, 3.4)
+# Who is in the square and before the palace: x, y, turn in degrees.
+PEOPLE = (
+    (-3.4, 25.2, 160.0),
+    (-2.6, 25.6, 200.0),
+    (4.0, 24.4, 20.0),
+    (5.6, 33.0, 110.0),
+    (-6.5, 34.5, -70.0),
+    (8.2, 27.0, -140.0),
+    (-9.0, 28.2, 60.0),
+    (1.4, 38.2, 180.0),
+    (-14.0, -10.0, 30.0),
+    (-13.2, -10.4, -30.0),
+    (15.8, -12.5, 150.0),
+    (12.0, -6.5, 80.0),
+    (-9.5, -5.2, 200.0),
+)
 
 
 def behind():
@@ -109,12 +126,12 @@ def _square(scene) -> None:
         (
             ("Car", red, -5.5, 20.5, 2.0),
             ("Red car", red, 6.0, 22.0, -1.2),
-            ("Cream car", cream, 17.5, -8.0, 0.0),
-            ("White car", (0.6, 0.6, 0.6), -17.6, -15.0, np.pi),
+            ("Cream car", cream, 17.0, -7.0, 0.0),
+            ("White car", (0.6, 0.6, 0.6), -17.6, -12.0, np.pi),
         ),
     )
-    town.day(scene, (38.0, 0.0, -32.0))
-    scene.view_settings.exposure = 0.6
+    town.walkers(scene, PEOPLE)
+    town.dusk(scene, (66.0, 0.0, -28.0), dusk=True, exposure=0.85)
 
 
 # Places that were visited: name, what is looked at, from where, the lens, and the diameter of the circle.
@@ -125,6 +142,12 @@ VISITS = (
 )
 
 
+def _seeing_far(camera):
+    """The camera, with an end behind the hills."""
+    camera.data.clip_end = 320.0
+    return camera
+
+
 def tour():
     """A town from above, in which places look as they did when they were visited.
 
@@ -132,13 +155,16 @@ def tour():
     Camera Movements (AFRIGRAPH 2004).
     """
     scene = sized(build_street(), *TOUR_SIZE)
-    made = add_camera(scene, "Overview", (-13.0, -76.0, 39.0), (1.0, 16.0, 7.0), 36.0)
-    overview = made
+    town.hills(scene, 112.0, 24.0, (0.0, 20.0))
+    overview = made = _seeing_far(
+        add_camera(scene, "Overview", (-13.0, -76.0, 39.0), (1.0, 16.0, 11.0), 36.0)
+    )
     for name, thing, eye, lens, wide in VISITS:
         at = seen_at(scene, overview, thing)
-        visit = pinned(scene, f"{name} Visit", eye, thing, at, lens)
+        visit = _seeing_far(pinned(scene, f"{name} Visit", eye, thing, at, lens))
         made = blended(
             made, visit, "RADIAL", f"Overview and {name}", center=at, size=(wide, 0.5), border=0.7 * wide
         )
     scene.camera = made
+    evening(scene, (69.0, 0.0, -26.0), exposure=0.65)
     return scene

@@ -10,7 +10,9 @@ import numpy as np
 
 from ..buildings import House, build_clock_tower, build_house, building_materials
 from ..car import build_car, copy_car
+from ..evening import evening
 from ..mesh import MeshBuilder, material, place
+from ..people import people
 from ..street import build_lamp, build_tree, daylight, street_materials
 
 WALLS = ("Ochre", "White wall", "Brick", "Cream", "Slate blue", "Rose", "Sage")
@@ -87,6 +89,44 @@ def clock_tower(scene, at: tuple[float, float], facing: float) -> None:
     place("Clock tower", tower.mesh("Clock tower", building_materials(), outward=True), group(scene, "Tower"))
 
 
-def day(scene, angles: tuple[float, float, float]) -> None:
-    """Sky and sun, which is turned by angles in degrees."""
-    daylight(scene, group(scene, "Lights"), angles)
+def walkers(scene, spots: Sequence[tuple[float, float, float]], height: float = 0.0) -> None:
+    """People at places, x and y, turned by degrees; they stand at a height."""
+    collection, figures = group(scene, "People"), people()
+    for number, ((x, y, turn), coat) in enumerate(zip(spots, cycle(figures), strict=False)):
+        place(f"Person {number:02}", figures[coat], collection, (x, y, height), np.radians(turn))
+
+
+def stripes(scene, rectangles: Sequence[tuple[float, float, float, float]]) -> None:
+    """White lines on the road: low x, low y, high x, high y."""
+    builder = MeshBuilder()
+    for x0, y0, x1, y1 in rectangles:
+        corners = [(x0, y0, 0.012), (x1, y0, 0.012), (x1, y1, 0.012), (x0, y1, 0.012)]
+        builder.add(corners, [(0, 1, 2, 3)], "White line")
+    place("Lines", builder.mesh("Lines", street_materials()), group(scene, "Lines"))
+
+
+def hills(scene, radius: float, height: float, middle: tuple[float, float]) -> None:
+    """A ring of hills round a town, that hides the end of its ground."""
+    turn = np.linspace(0, 2 * np.pi, 181)
+    rise = 0.55 + 0.2 * np.sin(3 * turn + 0.6) + 0.15 * np.sin(7 * turn + 2.0) + 0.07 * np.sin(17 * turn)
+    rings = [
+        np.stack(
+            [
+                middle[0] + out * radius * np.sin(turn),
+                middle[1] + out * radius * np.cos(turn),
+                share * height * rise - 0.1,
+            ],
+            axis=1,
+        )
+        for out, share in ((0.86, 0.0), (0.94, 0.6), (1.0, 0.9), (1.06, 1.0))
+    ]
+    builder = MeshBuilder()
+    builder.grid(np.stack(rings), "Hills")
+    palette = {"Hills": material("Hills", (0.12, 0.17, 0.13), 0.95)}
+    place("Hills", builder.mesh("Hills", palette, sharp=np.pi), group(scene, "Hills"))
+
+
+def dusk(scene, sun: tuple[float, float, float], **look) -> None:
+    """The evening of the large pictures. sun: its angles in degrees. look: see ``evening``."""
+    daylight(scene, group(scene, "Lights"), sun)
+    evening(scene, sun, **look)

@@ -9,12 +9,20 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..mesh import Array, material
+from ..mesh import Array, material, place
+from ..people import people
 
 BAYS, BAY, HALF = 9, 5.2, 5.0
 # Heights of the arcade's arches, of the vault's springing and of its crown.
 ARCADE, SPRING, CROWN = 8.0, 14.0, 21.0
 AISLE, ROOF, THICK = 10.5, 10.5, 0.7
+# Who gives the nave its scale: x, y, turn in degrees, coat.
+VISITORS = (
+    (2.35, 15.35, 165.0, "Coat red"),
+    (1.7, 15.6, 200.0, "Coat yellow"),
+    (-1.5, 24.6, 140.0, "Coat white"),
+    (-0.9, 24.9, 205.0, "Coat blue"),
+)
 # Columns of faces across a bay's wall and its vault.
 STEPS = 48
 STONE, RIB, GLASS = (
@@ -63,6 +71,9 @@ def build_nave():
             _pier(scene, side * HALF, end * BAY, rib)
     _floor(scene)
     _choir(scene, stone)
+    figures = people()
+    for number, (x, y, turn, coat) in enumerate(VISITORS):
+        place(f"Visitor {number}", figures[coat], scene.collection, (x, y, 0.0), np.radians(turn))
     _light(scene)
     return scene
 

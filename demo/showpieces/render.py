@@ -26,8 +26,6 @@ from demo.render_demo import enable_add_on, open_on, scratch_profile  # noqa: E4
 
 FOLDER, OUTPUT = ROOT / "docs" / "showpieces", ROOT / "demo" / "output" / "showpieces"
 QUALITY = 88
-# The pixel error of the projectors; a smaller one takes more chords without a visible difference.
-PIXEL_ERROR = 0.5
 SAMPLES = 64
 
 
@@ -41,58 +39,6 @@ class Piece(NamedTuple):
     size: tuple[int, int]
     dress: Callable[[object], None]
     kept: tuple[float, float] = (1.0, 1.0)
-
-
-def evening(scene) -> None:
-    """Turn the street's day into an evening: a low warm sun, a deep sky, lamps and lit windows."""
-    import bpy
-    import numpy as np
-
-    sun = bpy.data.objects["Sun"]
-    sun.rotation_euler = np.radians((71.0, 0.0, -52.0))
-    sun.data.energy, sun.data.color, sun.data.angle = 7.0, (1.0, 0.55, 0.28), np.radians(1.2)
-    background = scene.world.node_tree.nodes["Background"].inputs
-    background["Color"].default_value, background["Strength"].default_value = (0.14, 0.25, 0.55, 1.0), 0.85
-    glow = bpy.data.lights.new("Evening glow", "POINT")
-    glow.energy, glow.color, glow.shadow_soft_size = 330.0, (1.0, 0.62, 0.28), 0.2
-    for lamp in [obj for obj in scene.objects if obj.name.startswith("Street lamp")]:
-        light = bpy.data.objects.new("Evening glow", glow)
-        light.location = lamp.matrix_world.translation
-        # Below the lantern, which is opaque.
-        light.location.z += 4.0
-        scene.collection.objects.link(light)
-    for name, share, strength in (("Window glass", 0.38, 0.75), ("Shop window", 1.0, 0.6)):
-        _light_windows(bpy.data.materials[name], share, strength)
-    headlight = bpy.data.materials["Headlight"].node_tree.nodes["Principled BSDF"].inputs
-    headlight["Emission Color"].default_value = (1.0, 0.86, 0.6, 1.0)
-    headlight["Emission Strength"].default_value = 6.0
-    scene.view_settings.exposure = 0.55
-
-
-def _light_windows(material, share: float, strength: float) -> None:
-    """Light a share of the windows of a material, by their places."""
-    tree = material.node_tree
-    shader = tree.nodes["Principled BSDF"]
-    place = tree.nodes.new("ShaderNodeNewGeometry")
-    cell = tree.nodes.new("ShaderNodeVectorMath")
-    cell.operation = "SNAP"
-    cell.inputs[1].default_value = (2.3, 2.3, 3.0)
-    chance = tree.nodes.new("ShaderNodeTexWhiteNoise")
-    lit = tree.nodes.new("ShaderNodeMath")
-    lit.operation = "LESS_THAN"
-    lit.inputs[1].default_value = share
-    glow = tree.nodes.new("ShaderNodeMath")
-    glow.operation = "MULTIPLY"
-    glow.inputs[1].default_value = strength
-    for source, target in (
-        (place.outputs["Position"], cell.inputs[0]),
-        (cell.outputs["Vector"], chance.inputs["Vector"]),
-        (chance.outputs["Value"], lit.inputs[0]),
-        (lit.outputs["Value"], glow.inputs[0]),
-        (glow.outputs["Value"], shader.inputs["Emission Strength"]),
-    ):
-        tree.links.new(source, target)
-    shader.inputs["Emission Color"].default_value = (1.0, 0.46, 0.13, 1.0)
 
 
 def _recipe(stem: str) -> Recipe:
@@ -134,14 +80,21 @@ def _evening_car() -> Recipe:
     return Recipe("evening-car", "A car from both sides before its street", "", build, (render(),), "")
 
 
+def _evening(scene) -> None:
+    """Turn the street's day into an evening."""
+    from demo.evening import evening
+
+    evening(scene)
+
+
 # The pixels of the pictures of the street.
 STREET_SIZE, NAVE_SIZE = (1920, 960), (1200, 1920)
 
 PIECES = {
-    "impossible-street": Piece(_impossible(), STREET_SIZE, evening, (0.82, 1.0)),
+    "impossible-street": Piece(_impossible(), STREET_SIZE, _evening, (0.82, 1.0)),
     "nave": Piece(_nave(), NAVE_SIZE, lambda scene: None),
-    "evening-car": Piece(_evening_car(), STREET_SIZE, evening),
-    "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, evening, (1.0, 0.93)),
+    "evening-car": Piece(_evening_car(), STREET_SIZE, _evening),
+    "evening-street": Piece(_recipe("rising-street"), STREET_SIZE, _evening, (1.0, 0.93)),
 }
 
 
@@ -220,23 +173,16 @@ def make(name: str, percentage: int, samples: int) -> None:
     import bpy
     from PIL import Image
 
+    from demo.path_traced import path_traced
+
     piece = PIECES[name]
     scene = prepare(piece.recipe)
     piece.dress(scene)
     scene.render.resolution_x, scene.render.resolution_y = piece.size
     scene.render.resolution_percentage = percentage
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = samples, True, 6
-    camera = scene.camera
-    camera.scfpf.pixel_error = PIXEL_ERROR
-    scene.view_layers[0].objects.active = camera
-    bpy.context.view_layer.update()
     raw = OUTPUT / f"{name}.png"
     begun = time.process_time()
-    if camera.scfpf.layers:
-        bpy.ops.scfpf.layers_render(camera=camera.name, filepath=str(raw))
-    else:
-        _render_rig(scene, name, raw)
+    path_traced(scene, raw, samples)
     seconds = time.process_time() - begun
     image = Image.open(raw).convert("RGB")
     right, lower = (round(share * side) for share, side in zip(piece.kept, image.size, strict=True))
@@ -244,16 +190,6 @@ def make(name: str, percentage: int, samples: int) -> None:
     open_on(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
     print(f"{name}: {seconds:.0f} s of the processor", flush=True)
-
-
-def _render_rig(scene, name: str, path: Path) -> None:
-    """Render a scene's camera through its Cycles rig."""
-    import bpy
-
-    if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
-        sys.exit(f"The Cycles rig of {name} was not made; the lines above say why.")
-    scene.render.filepath, scene.render.image_settings.file_format = str(path), "PNG"
-    bpy.ops.render.render(write_still=True)
 
 
 def main(arguments: list[str]) -> None:

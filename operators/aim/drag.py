@@ -126,7 +126,7 @@ class SCFPF_OT_aim_drag(FrameDragging, SolveJob, bpy.types.Operator):
         if self._is_solving:
             return {"RUNNING_MODAL"}
         if self.ends_drag(event):
-            return self._finish(context)
+            return {"CANCELLED"} if self.is_click else self._finish(context)
         if not self.take_event(event):
             return {"RUNNING_MODAL"}
         self._resting = RESTING_STEPS

@@ -229,7 +229,7 @@ def updated(context, camera) -> str:
         if ends.preset not in (stem for stem, _name, _text in preset_items()):
             raise UserError("There is no preset '{0}': choose a camera at which the blend ends", ends.preset)
         preset = shipped_preset(ends.preset)
-        second, name = _preset_before(context, first, preset), preset.name
+        second, name = _preset_before(context, first, preset), report_text(preset.name)
     own, blend = _blend(context, first, [second, *(_seen(context, end) for end in further)], camera)
     set_blend(camera, blend, image_aspect(context.scene))
     approximate_lens(camera, own)

@@ -11,6 +11,7 @@ from ...scfpf_addon.bridge.aim.kept_volume import volume_kept
 from ...scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
+from ...scfpf_addon.projection.user_error import Message
 from ..common.scene_box import scene_boxes
 from ..common.target import camera_of, poll_camera
 from ..common.tool import Action, tooltip_of
@@ -93,12 +94,17 @@ class PresetOperator(Action):
     def read(self):
         raise NotImplementedError
 
+    def title(self, preset) -> str | Message:
+        """The name of the preset as reports show it: an artist's own name is not translated."""
+        title: str = preset.name
+        return title
+
     def act(self, context):
         preset = self.read()
         camera = camera_of(context)
         with volume_kept(camera):
             use_preset(context, camera, preset, self.fit)
-        return report_text("The camera has the volume of the preset {0}", preset.name)
+        return report_text("The camera has the volume of the preset {0}", self.title(preset))
 
 
 class ReadsPresetFile:
@@ -131,6 +137,9 @@ class SCFPF_OT_preset_apply(PresetOperator, bpy.types.Operator):
 
     def read(self):
         return shipped_preset(self.preset)
+
+    def title(self, preset):
+        return Message(preset.name)
 
 
 class SCFPF_OT_preset_load(ReadsPresetFile, PresetOperator, bpy.types.Operator):

@@ -53,6 +53,11 @@ class FrameDragging:
         """Return whether an event accepts the drag: the mouse is released, or Enter is pressed."""
         return event.type == "LEFTMOUSE" or (event.type in {"RET", "NUMPAD_ENTER"} and event.value == "PRESS")
 
+    @property
+    def is_click(self) -> bool:
+        """Whether the frame is where it was: a press and a release, or a drag there and back."""
+        return self.dragged == FrameChange()
+
     def take_event(self, event) -> bool:
         """Apply a movement of the mouse or a key; return whether it may change the drag."""
         self._drag.is_snapped = event.ctrl

@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bpy.app.translations import pgettext_rpt
+from bpy.app.translations import pgettext_rpt, pgettext_tip
 
 from ...scfpf_addon.bridge.aim.kept_volume import camera_kept
 from ...scfpf_addon.bridge.blender.all_or_nothing import all_or_nothing
@@ -93,8 +93,13 @@ def plain(text: str) -> str:
 
 
 def tooltip_of(cls, items, identifier: str) -> str:
-    """The description of one of ``items`` (identifier, name, description), else the operator's own."""
-    return next((text for item, _name, text in items if item == identifier and text), cls.__doc__)
+    """The description of one of ``items`` (identifier, name, description), else the operator's own.
+
+    It is translated, which Blender does not do with the text of an operator's ``description``.
+    """
+    text = next((text for item, _name, text in items if item == identifier and text), cls.__doc__)
+    translated: str = pgettext_tip(text)
+    return translated
 
 
 def select_only(context, obj) -> None:

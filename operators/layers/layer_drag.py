@@ -78,7 +78,7 @@ class SCFPF_OT_layer_drag(FrameDragging, ModalJob, bpy.types.Operator):
 
     def respond(self, context, event):
         if self.ends_drag(event):
-            return {"FINISHED"}
+            return {"CANCELLED"} if self.is_click else {"FINISHED"}
         if self.take_event(event):
             self.shift, self.factor, *_ = self.dragged
             self._place()

@@ -27,6 +27,8 @@ import numpy as np
 
 # The extension's name at the end of its module's.
 EXTENSION = "scfpf"
+# Its name for people.
+NAME = "Flexible Projection"
 # The repository of an extension that a task has brought along.
 REPOSITORY = "scfpf_task"
 # The custom property of a rig's sheets that says for which scene its rays skip chords.
@@ -114,12 +116,13 @@ def check_worker(options, needs, ends):
             ends.enter_context(extension_of(options.extension))
             return version_of(extension())
         raise Fault(
-            f"this worker's Blender {here} has no SCFPF extension: install it there, "
+            f"this worker's Blender {here} has no extension Flexible Projection: install it there, "
             "or write the job with --extension and its zip"
         )
     found = version_of(module)
     if needs.get("extension", found) not in ("", found):
-        print(f"scfpf: warning: the job was made with SCFPF {needs['extension']}, this worker has {found}")
+        made = f"the job was made with {NAME} {needs['extension']}"
+        print(f"scfpf: warning: {made}, this worker has {found}")
     return found
 
 
@@ -690,7 +693,7 @@ def do(options, ends):
     check_skips(needs)
     print(
         f"scfpf: {options.action} {frames[0]} to {frames[-1]} of {options.scene} by {options.way}, "
-        f"Blender {bpy.app.version_string}, {f'SCFPF {found}' if found else 'without SCFPF'}",
+        f"Blender {bpy.app.version_string}, {f'{NAME} {found}' if found else f'without {NAME}'}",
         flush=True,
     )
     if options.action == "join":

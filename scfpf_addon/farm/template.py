@@ -20,7 +20,7 @@ SCRIPT = Path(__file__).with_name("task_script.py")
 class Way(NamedTuple):
     """A way to render a flexible camera's film.
 
-    title: for people. extension: whether workers need SCFPF. gpu: whether they need a graphics card. tiles:
+    title: for people. extension: whether workers need the extension. gpu: whether they need a graphics card. tiles:
     whether a picture can be divided. needs: what a worker's memory holds. chunk: usual pictures of a task.
     """
 
@@ -34,7 +34,7 @@ class Way(NamedTuple):
 
 WAYS = {
     "engine": Way(
-        "SCFPF's own engine", True, False, True, "the scene, its acceleration structure and a film"
+        "Flexible Projection's own engine", True, False, True, "the scene, its acceleration structure and a film"
     ),
     "cycles": Way("Cycles through the rig in the file", False, False, True, "the scene and the rig's sheets"),
     "layers": Way("image layers by Cycles", True, False, True, "the scene, and a picture a layer and pass"),
@@ -60,7 +60,7 @@ class RenderPlan(NamedTuple):
 
     scene: the absolute path of the .blend file. camera: empty for that of the file. frames: the first and the
     last. step: from a picture's frame to the next one. chunk: pictures of a task. tiles: columns and rows.
-    blender: the command on workers. version: of Blender, such as "5.2". extension: the version of SCFPF that
+    blender: the command on workers. version: of Blender, such as "5.2". extension: the version of ours that
     workers must have, empty if they need none. archive: the zip of it that the job takes along, empty for
     none. skips: see ``task_script.skips_of_file``. absent: paths that the file uses and that were absent when
     the job was written. memory: bytes that a worker needs, 0 if unknown.
@@ -126,7 +126,7 @@ def job_template(plan: RenderPlan) -> dict[str, Any]:
     return {
         "specificationVersion": VERSION,
         "name": plain_text(f"{Path(plan.scene).stem} by {plan.way}")[:NAME_LENGTH],
-        "description": f"A flexible film by {WAYS[plan.way].title}, written by SCFPF.",
+        "description": f"A flexible film by {WAYS[plan.way].title}, written by Flexible Projection.",
         "parameterDefinitions": _parameters(plan),
         "steps": steps,
     }
@@ -234,7 +234,7 @@ def _archive_parameter(plan: RenderPlan) -> list[dict[str, Any]]:
             "objectType": "FILE",
             "dataFlow": "IN",
             "default": Path(plan.archive.path).name,
-            "description": f"The zip of SCFPF {plan.extension}: workers without it load it for their task.",
+            "description": f"The zip of Flexible Projection {plan.extension}: workers without it load it for their task.",
         }
     ]
 
@@ -339,7 +339,7 @@ def price_text(plan: RenderPlan, opening: float, seconds: float) -> str:
 def needs_text(plan: RenderPlan) -> str:
     """What a worker needs, in a sentence."""
     way = WAYS[plan.way]
-    extension = f"SCFPF {plan.extension}"
+    extension = f"Flexible Projection {plan.extension}"
     if plan.archive is not None:
         extension += f", which comes with the job ({Path(plan.archive.path).name})"
     parts = [f"Blender {plan.version}", extension if way.extension else "no extension"]

@@ -14,6 +14,7 @@ from scfpf_addon.farm.template import (
     RenderPlan,
     bundle,
     duration,
+    job_template,
     needs_text,
     plain_text,
     price_text,
@@ -106,7 +107,17 @@ def test_the_price_is_frames_and_the_beginnings_of_tasks():
     assert price_text(one, 1.0, 5.0).startswith("4 tiles × 5.0 s + 4 tasks × 1.0 s to begin = 24.0 s")
 
 
+@pytest.mark.parametrize("way", WAYS)
+def test_people_read_the_name_that_the_interface_shows(way):
+    """In the job's description, in those of its parameters, and in what a worker needs."""
+    archive = Asset("/film/scfpf.zip", 7, "0" * 64)
+    one = plan(way, archive=archive)
+    template = job_template(one)
+    told = [one.get("description", "") for one in (template, *template["parameterDefinitions"])]
+    assert len(told) > 5 and "SCFPF" not in " ".join(told) + needs_text(one)
+
+
 def test_what_a_worker_needs():
     assert needs_text(plan("cycles")) == "A worker needs Blender 5.2, no extension, no GPU"
-    assert "SCFPF 1.0.0, a GPU" in needs_text(plan("eevee", memory=2_500_000_000))
+    assert "Flexible Projection 1.0.0, a GPU" in needs_text(plan("eevee", memory=2_500_000_000))
     assert "2.5 GB of memory" in needs_text(plan("eevee", memory=2_500_000_000))

@@ -124,6 +124,15 @@ def test_the_panel_shows_the_active_target_and_its_remedy(camera, place):
     assert ("operator", "scfpf.aim_view_add") in drawn(section)
 
 
+def test_before_the_first_solve_the_panel_says_what_comes_next(camera):
+    section, settings = bpy.types.SCFPF_PT_view_aim, camera.scfpf
+    solved = drawn(section)
+    settings.aim.message = settings.aim_targets[0].message = ""
+    fresh = drawn(section)
+    assert "then press Solve" in texts(fresh) and "then press Solve" not in texts(solved)
+    assert [entry[0] for entry in fresh] == [entry[0] for entry in solved]
+
+
 def test_every_kind_of_target_is_drawn(camera, addon):
     panel = addon("panels.aim")
     for kind in ("VIEW", "PIN", "LINE", "STAY"):
@@ -131,4 +140,4 @@ def test_every_kind_of_target_is_drawn(camera, addon):
         one = RecordingLayout()
         panel.draw_target(one, camera.scfpf.aim_targets[0])
         assert {"weight"} <= {entry[2] for entry in one.record if entry[0] == "prop"}
-        assert kind in panel.ICONS
+        assert kind in panel.ICONS and kind in panel.NEXT

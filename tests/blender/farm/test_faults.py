@@ -121,13 +121,13 @@ def test_a_worker_without_the_extension_says_so_first(saved, blender, addon, tmp
     environ = {**os.environ, "SCFPF_WITHOUT": "yes"}
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, env=environ)
     assert done.returncode == 1
-    assert "has no SCFPF extension: install it there" in done.stderr.splitlines()[0]
+    assert "has no extension Flexible Projection: install it there" in done.stderr.splitlines()[0]
     assert not (tmp_path / "out").exists()
 
 
 def test_another_version_of_the_extension_is_named(task, saved, tmp_path, capsys):
     assert task(saved, tmp_path, "--way", "engine", require={"extension": "0.0.1"}, last=1) == 0
-    assert "warning: the job was made with SCFPF 0.0.1" in capsys.readouterr().out
+    assert "warning: the job was made with Flexible Projection 0.0.1" in capsys.readouterr().out
 
 
 def test_files_that_were_absent_before_are_no_fault(command, task, saved, tmp_path, capsys):

@@ -48,7 +48,7 @@ def test_three_frames_are_those_of_one_blender(
     assert command("job", saved, "-o", job, "--way", way, "--chunk", chunk, "--no-price") == 0
     told, status = openjd(job, blender, environ=environ)
     assert status == 0, told
-    assert ("without SCFPF" in told) == (way == "cycles") and told.count("scfpf: render") == -(-3 // chunk)
+    assert ("without Flexible Projection" in told) == (way == "cycles") and told.count("scfpf: render") == -(-3 // chunk)
     made = [pixels(job / "pictures" / f"film_{frame:04d}.png") for frame in FRAMES]
     for mine, one in zip(made, by_one_blender(command, saved, way, tmp_path), strict=True):
         assert len(mine) == SIZE[0] * SIZE[1] * 4 and np.array_equal(mine, one)
@@ -103,12 +103,12 @@ def test_workers_without_the_extension_load_the_job_s_zip(command, saved, blende
     job, archive = tmp_path / "job", extension_zip(tmp_path)
     words = ("job", saved, "-o", job, "--frames", 1, 1, "--no-price", "--extension", archive)
     assert command(*words, "--way", "engine") == 0
-    assert "SCFPF 1.0.0, which comes with the job (scfpf.zip)" in capsys.readouterr().out
+    assert "Flexible Projection 1.0.0, which comes with the job (scfpf.zip)" in capsys.readouterr().out
     named = json.loads((job / "asset_references.json").read_text(encoding="utf-8"))
     assert str(job / "scfpf.zip") in named["assetReferences"]["inputs"]["filenames"]
     archive.unlink()
     told, status = openjd(job, blender, environ={"SCFPF_WITHOUT": "yes"})
-    assert status == 0 and "SCFPF 1.0.0" in told, told
+    assert status == 0 and "Flexible Projection 1.0.0" in told, told
     assert "left behind: []" in told, told + "the worker's extensions and Python packages are as before"
     one = by_one_blender(command, saved, "engine", tmp_path)[0]
     assert np.array_equal(pixels(job / "pictures" / "film_0001.png"), one)

@@ -15,6 +15,26 @@ from devtools import catalogue
 MODULE = "bl_ext.checkout.scfpf"
 
 
+class NamingLayout:
+    """A layout that keeps the texts of its operators, and whether Blender may translate them."""
+
+    def __init__(self):
+        self.names, self.translates = [], set()
+
+    def row(self):
+        return self
+
+    column = row
+
+    def operator(self, _operator, text="", translate=True, icon=""):
+        self.names.append(text)
+        self.translates.add(translate)
+        return SimpleNamespace()
+
+    def __getattr__(self, name):
+        return lambda *_, **__: SimpleNamespace()
+
+
 @pytest.fixture
 def languages(addon):
     return addon("panels.languages")
@@ -67,6 +87,43 @@ def test_german_has_every_panel_menu_operator_and_setting_of_a_camera(languages,
             if prop.identifier not in ("rna_type", "name"):
                 wanted |= {(catalogue.ANY, prop.name), (catalogue.ANY, prop.description)}
     assert not (wanted & set(texts)) - set(german)
+
+
+def test_german_has_every_shipped_preset(languages):
+    german = languages.languages()["de"]
+    told = list(catalogue.presets())
+    assert len(told) > 100 and not set(told) - {text for context, text in german if context == catalogue.ANY}
+    names = [german[catalogue.ANY, name] for name in told[::2]]
+    assert len(set(names)) == len(names), "two presets have one name"
+
+
+def test_menus_and_tooltips_show_presets_in_the_language_of_the_interface(addon, languages, monkeypatch):
+    """Entries are in the order of the translated names; names that artists gave stay as they are."""
+    german = {text: shown for (_context, text), shown in languages.languages()["de"].items()}
+
+    def translate(text, *_):
+        return german.get(text, text)
+
+    menus, tool = addon("panels.preset_menus"), addon("operators.common.tool")
+    monkeypatch.setattr(menus, "pgettext_iface", translate)
+    monkeypatch.setattr(tool, "pgettext_tip", translate)
+    shown = []
+    for menu in menus.APPLY_MENUS:
+        layout = NamingLayout()
+        menu.draw(SimpleNamespace(layout=layout), bpy.context)
+        names = [translate(name) for name in layout.names]
+        assert names == sorted(names) and layout.translates == {True}
+        shown += names
+    assert {"Umgekehrte Perspektive", "Militärprojektion", "Kugelpanorama"} <= set(shown)
+    monkeypatch.setattr(menus, "own_presets", lambda: [("mine", "Perspective", "")])
+    for menu in (menus.SCFPF_MT_presets_own, menus.SCFPF_MT_presets_remove):
+        layout = NamingLayout()
+        menu.draw(SimpleNamespace(layout=layout), bpy.context)
+        assert "Perspective" in layout.names and False in layout.translates
+    described = tool.tooltip_of(
+        bpy.types.SCFPF_OT_preset_apply, addon("operators.camera.presets").preset_items(), "panini"
+    )
+    assert described.startswith("150 Grad Breite")
 
 
 def test_blender_is_given_the_translations_and_loses_them(languages, monkeypatch):

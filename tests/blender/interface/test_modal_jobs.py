@@ -347,6 +347,14 @@ def test_a_fault_after_the_planning(job):
     assert_left(job)
 
 
+@pytest.mark.parametrize("job", ["SCFPF_OT_aim_drag", "SCFPF_OT_layer_drag"], indirect=True)
+def test_a_drag_there_and_back_changes_nothing(job):
+    """As a click on a frame: nothing is solved."""
+    job.operator.modal(job.context, event("MOUSEMOVE"))
+    assert job.operator.modal(job.context, event("LEFTMOUSE", "RELEASE")) == {"CANCELLED"}
+    assert_left(job)
+
+
 def test_what_python_itself_raises_leaves_nothing(job):
     with pytest.raises(KeyboardInterrupt):
         fail_by(job, KeyboardInterrupt())

@@ -197,6 +197,16 @@ def test_a_hint_goes_when_it_is_not_true(camera):
         items.clear()
 
 
+def test_edit_volume_says_what_comes_next(camera):
+    main = bpy.types.SCFPF_PT_view
+    bpy.ops.scfpf.edit_volume()
+    said = texts(drawn(main))
+    assert "press G, R or S" in said.replace("  ", " ") and "Straight so far" not in said
+    bpy.ops.scfpf.edit_volume()
+    said = texts(drawn(main))
+    assert "press G, R or S" not in said and "Straight so far" in said
+
+
 def test_the_menu_of_surfaces_has_four_kinds_and_the_rest_under_more(addon, camera):
     first = drawn(bpy.types.SCFPF_MT_surface_add)
     more = drawn(bpy.types.SCFPF_MT_surface_add_more)

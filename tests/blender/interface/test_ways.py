@@ -66,6 +66,17 @@ def test_live_view_looks_through_the_camera_and_again_shows_blenders_view(addon,
     assert camera.scfpf.show_live and space.shading.type == "SOLID"
 
 
+def test_the_message_does_not_ask_for_what_is_on(camera, space):
+    bpy.context.scene.render.engine = "SCFPF"
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    with there():
+        assert texts(drawn(bpy.types.SCFPF_PT_view)).count("Live View to see") == 1
+    press("view_live")
+    with there():
+        said = texts(drawn(bpy.types.SCFPF_PT_view))
+    assert "Ready: press Render" in said and "Live View to see" not in said
+
+
 def test_a_second_camera_is_looked_through_beside_the_scenes(addon, camera, space):
     second = add_camera()
     assert bpy.context.scene.camera == camera and bpy.context.object == second

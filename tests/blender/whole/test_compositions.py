@@ -155,7 +155,7 @@ def test_the_background_of_the_car_is_identical_and_next_to_nothing_is_mirrored(
 
 def test_pictures_and_files_are_made(empty_file, tmp_path, monkeypatch):
     monkeypatch.setattr(make, "OUTPUT", tmp_path / "files")
-    make.make("room", tmp_path / "pictures", 4)
+    make.make("room", tmp_path / "pictures", 4, 1)
     assert (tmp_path / "pictures" / "room.jpg").stat().st_size > 500
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "files" / "room.blend"))
     assert bpy.context.scene.camera.name == "Room" and bpy.context.scene.render.engine == "SCFPF"
