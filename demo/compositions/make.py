@@ -23,7 +23,7 @@ from demo.render_demo import enable_add_on, open_on, render, scratch_profile  # 
 FOLDER = ROOT / "docs" / "compositions"
 OUTPUT = ROOT / "demo" / "output" / "compositions"
 QUALITY = 86
-SAMPLES = 48
+SAMPLES = 64
 # By name: the module, whose ``build`` makes the scene, or the function in it.
 COMPOSITIONS = {
     "behind": "squares.behind",

@@ -182,4 +182,4 @@ def _lights(scene) -> None:
         lamp = bpy.data.objects.new(data.name, data)
         lamp.location, lamp.rotation_euler = (-WIDE + 0.12, y, 2.0), (0.0, -np.pi / 2, 0.0)
         scene.collection.objects.link(lamp)
-    scene.view_settings.exposure = 0.4
+    scene.view_settings.exposure = 0.1

@@ -97,6 +97,10 @@ def german(driver):
         assert differing(english, driver.region_pixels("VIEW_3D", "UI")) > MANY / 2, "the panel is English"
         assert translations.pgettext_iface("Control Surfaces") == "Steuerflächen"
         assert translations.pgettext_iface("Edit Volume", "Operator") == "Sehvolumen bearbeiten"
+        for context in ("*", "Operator"):
+            shown = translations.pgettext_iface("Inverted Perspective", context)
+            assert shown == "Umgekehrte Perspektive", "an entry of the menu of presets is English"
+        yield from driver.menu("SCFPF_MT_presets_group_0")
         assert translations.pgettext_tip("Render through a viewing volume modeled with control surfaces") == (
             "Durch ein Sehvolumen rendern, das mit Steuerflächen modelliert ist"
         )
