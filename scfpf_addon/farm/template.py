@@ -20,7 +20,7 @@ SCRIPT = Path(__file__).with_name("task_script.py")
 class Way(NamedTuple):
     """A way to render a flexible camera's film.
 
-    title: for people. extension: whether workers need the extension. gpu: whether they need a graphics card. tiles:
+    title: for people. extension: whether workers need it. gpu: whether they need a graphics card. tiles:
     whether a picture can be divided. needs: what a worker's memory holds. chunk: usual pictures of a task.
     """
 
@@ -34,7 +34,11 @@ class Way(NamedTuple):
 
 WAYS = {
     "engine": Way(
-        "Flexible Projection's own engine", True, False, True, "the scene, its acceleration structure and a film"
+        "Flexible Projection's own engine",
+        True,
+        False,
+        True,
+        "the scene, its acceleration structure and a film",
     ),
     "cycles": Way("Cycles through the rig in the file", False, False, True, "the scene and the rig's sheets"),
     "layers": Way("image layers by Cycles", True, False, True, "the scene, and a picture a layer and pass"),
@@ -234,7 +238,8 @@ def _archive_parameter(plan: RenderPlan) -> list[dict[str, Any]]:
             "objectType": "FILE",
             "dataFlow": "IN",
             "default": Path(plan.archive.path).name,
-            "description": f"The zip of Flexible Projection {plan.extension}: workers without it load it for their task.",
+            "description": f"The zip of Flexible Projection {plan.extension}, "
+            "which workers without it load for their task.",
         }
     ]
 
