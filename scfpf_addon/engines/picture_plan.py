@@ -14,12 +14,14 @@ from ..anchors.completion import completed
 from ..anchors.image_parts import ImagePart, image_parts
 from ..anchors.kept_plan import KeptPlan, digest
 from ..anchors.plan import plan_anchors
+from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import LayeredShot, LookedAt, completed_sets
 from ..anchors.stand_ins import StandIns
 from ..bridge.blender.scene_objects import object_by_uid
 from ..bridge.camera.stereo_views import Eye
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.instances import instances
+from ..bridge.scene.read_scene import NOTHING
 from ..bridge.scene.render_depsgraph import with_render_depsgraph
 from ..bridge.tasks.background import AwaitedWork, in_background
 from ..bridge.tasks.task import Task
@@ -35,7 +37,6 @@ from .joined_tiles import JoinedPart, Pictures
 
 # What of a geometry rays meet.
 SHAPE = ("vertices", "triangles", "visibility", "image_layer")
-NOTHING = "The picture shows nothing that has faces: add a mesh, or show one in renders"
 PLANNING = Message("planning the renders")
 # The share of planning after which the anchors' views are traced, and that after which all pixels are looked
 # at, for the status bar.
@@ -73,9 +74,14 @@ class ReadPicture(NamedTuple):
     def parts(self) -> list[ImagePart]:
         """What the picture shows through each volume. Raises CastError, and UserError if nothing is there."""
         there = self.inputs.scene.geometry
-        scene = CastScene(there.vertices, there.triangles)
-        shown = visible_to(there.visibility, CAMERA)
-        found = image_parts(scene, shown, self.one_sided, there.image_layer, self.inputs.projection)
+        shown, found = visible_to(there.visibility, CAMERA), []
+        if len(there.triangles):
+            scene = CastScene(there.vertices, there.triangles)
+            found = image_parts(scene, shown, self.one_sided, there.image_layer, self.inputs.projection)
+        if not found and self.stand_ins is not None:
+            # The caster sees nothing; anchors are planned for the stand-ins alone.
+            scene = SeenScene(CastScene(self.stand_ins.vertices, self.stand_ins.triangles), is_empty=True)
+            found = [ImagePart(0, scene, replace(self.inputs.projection, layers=()))]
         if not found:
             raise UserError(NOTHING)
         rest = replace(found[0], scene=found[0].scene.with_stand_ins(self.stand_ins))
@@ -121,7 +127,7 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None, eye: Ey
     def read(depsgraph, set_frame):
         if frame is not None:
             set_frame(frame, subframe=0.0)
-        inputs = read_inputs(depsgraph, camera, size, passes=names, eye=eye)
+        inputs = read_inputs(depsgraph, camera, size, passes=names, may_be_empty=True, eye=eye)
         # Any rotation serves: one that shears or mirrors would not.
         turn = camera.evaluated_get(depsgraph).matrix_world.to_quaternion().to_matrix()
         keys = (each.key for each in instances(depsgraph)) if inputs.projection.layers else ()

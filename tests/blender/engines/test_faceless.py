@@ -192,3 +192,20 @@ def test_things_without_faces_are_where_meshes_are(scene, addon, make, preset, e
     assert off[inner].mean() <= (0.004 if make is strokes else 0.001)
     shown = np.abs(image - without).max(axis=2) > 0.25
     assert abs(shown.sum() / is_thing.sum() - 1.0) < (0.08 if make is strokes else 0.05)
+
+
+def test_a_scene_of_strokes_alone(scene, addon):
+    """It needs no mesh: the strokes are where they are before a wall, and the world is around them."""
+    wall, pillar = (obj for obj in scene.objects if obj.type == "MESH")
+    flexible(scene.camera, "deep_curvy_volume")
+    scene.camera.scfpf.samples = 4
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    bpy.data.objects.remove(pillar)
+    strokes()
+    wanted = rendered(addon, scene)
+    bpy.data.objects.remove(wall)
+    image = rendered(addon, scene)
+    assert (wanted[..., 1] < 0.5).mean() > 0.02
+    off = np.abs(image - wanted)[..., :3].max(axis=2) > 0.25
+    assert off[~edges(wanted)].mean() <= 0.002 and off.mean() <= 0.03
