@@ -14,10 +14,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 NAME = "over-time"
-# Frames of a turn, those of them that the film shows, and the frames from the top row to the lowest.
-TURN, EACH, SPAN = 240, 4, 120
 # Pixels of a half of the film, milliseconds of a frame, and the quality of its WebP.
-SIZE, PAUSE, QUALITY = (360, 400), 60, 72
+SIZE, PAUSE, QUALITY = (360, 400), 50, 72
+# Frames of a turn, those of them that the film shows, and the frames from the top row to the lowest: each row
+# has one of its own, or edges would have steps.
+TURN, EACH, SPAN = 2 * SIZE[1], 10, SIZE[1]
 
 
 def build():
@@ -52,7 +53,7 @@ def build():
     place_camera(camera, Shot((0.0, -7.0, 1.9), (0.0, 0.0, 1.15)))
     bpy.context.view_layer.objects.active = camera
     bpy.ops.scfpf.camera_from_camera()
-    camera.scfpf.samples = 4
+    camera.scfpf.samples = 8
     scene.scfpf_sampling.world_shadows = False
     scene.view_settings.view_transform = "Standard"
     render = scene.render
@@ -62,14 +63,21 @@ def build():
 
 
 def record(scratch: Path) -> Path:
-    """Render the turn, assemble the frames of the film, and write it."""
+    """Render the turn, and make the film of it."""
     import bpy
-    from PIL import Image
 
     scene = build()
     scene.render.filepath = str(scratch / "turn_####")
     scene.frame_start, scene.frame_end = 1, TURN
     bpy.ops.render.render(animation=True)
+    return film_of(scene, scratch)
+
+
+def film_of(scene, scratch: Path) -> Path:
+    """Assemble the frames of the film from those of the turn, and write it."""
+    import bpy
+    from PIL import Image
+
     for frame in range(1, SPAN + 1):
         shutil.copy(scene.render.frame_path(frame=frame), scene.render.frame_path(frame=frame + TURN))
     images = []
