@@ -175,11 +175,16 @@ def reported(counts) -> list[str]:
     return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
 
 
+def told(context, camera) -> list[Told]:
+    """All messages, at least that everything is ready."""
+    ready = READY_LIVE if is_any(context, camera, is_live) else READY
+    return list(messages(context, camera)) or [Told(ready, "CHECKMARK")]
+
+
 def draw_messages(layout, context, camera) -> None:
     """Draw the most urgent message, with its button and that of the popover, in ``LINES`` + 1 lines."""
-    found = list(messages(context, camera))
-    ready = READY_LIVE if is_any(context, camera, is_live) else READY
-    first = found[0] if found else Told(ready, "CHECKMARK")
+    found = told(context, camera)
+    first = found[0]
     column = layout.box().column(align=True)
     text = translated_label(first.text).replace(" · ", ", ")
     fits = draw_fixed(column, [text], first.icon, LINES)
@@ -202,11 +207,11 @@ class SCFPF_PT_messages(bpy.types.Panel):
 
     def draw(self, context):
         camera = flexible_camera_of(context)
-        for told in messages(context, camera) if camera is not None else ():
+        for one in told(context, camera) if camera is not None else ():
             column = self.layout.column(align=True)
-            draw_text(column, told.text, told.icon)
-            if told.operator:
-                column.operator(told.operator)
+            draw_text(column, one.text, one.icon)
+            if one.operator:
+                column.operator(one.operator)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_PT_messages,))

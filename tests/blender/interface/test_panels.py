@@ -187,6 +187,16 @@ def test_messages_have_a_place_of_one_height_and_a_popover_has_all(camera):
     assert ("operator", "scfpf.volume_fit_picture") in every and "deleted" in texts(every)
 
 
+def test_a_popover_is_never_empty(addon, camera, monkeypatch):
+    """That everything is ready may be longer than its lines in another language."""
+    module = addon("panels.messages")
+    monkeypatch.setattr(module, "READY", "All is ready " * 20)
+    bpy.context.scene.render.engine = "SCFPF"
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    assert ("popover", "SCFPF_PT_messages") in drawn(bpy.types.SCFPF_PT_view)
+    assert texts(drawn(bpy.types.SCFPF_PT_messages)).count("ready") > 15
+
+
 def test_a_hint_goes_when_it_is_not_true(camera):
     """A view of Aim or a layer makes the picture another one, as a surface does."""
     for kind in ("aim_targets", "layers", "mappings"):
@@ -466,7 +476,7 @@ class Column:
     def template_icon(self, icon_value, scale):
         self.items.append(("picture", scale))
 
-    def operator(self, _operator, text):
+    def operator(self, _operator, text, **_options):
         self.items.append(("name", self.scale_y))
         return types.SimpleNamespace()
 

@@ -80,27 +80,43 @@ def own_scene(driver):
     assert camera.scfpf.report and colors.std(axis=0).max() > 0.05, "the picture is empty"
 
 
+def _german() -> str:
+    """The code of German among Blender's languages."""
+    view = bpy.context.preferences.view
+    codes = {item.identifier for item in view.bl_rna.properties["language"].enum_items}
+    known = codes | set(bpy.app.translations.locales)
+    return next(code for code in ("de_DE", "de") if code in known)
+
+
+def german_presets(driver):
+    """The menu of presets in German: Blender finds its entries, and the menu is shown."""
+    view, translations = bpy.context.preferences.view, bpy.app.translations
+    driver.add_camera()
+    try:
+        view.language, view.use_translate_interface = _german(), True
+        yield DRAW
+        for context in ("*", "Operator"):
+            shown = translations.pgettext_iface("Inverted Perspective", context)
+            assert shown == "Umgekehrte Perspektive", "an entry of the menu of presets is English"
+        yield from driver.menu("SCFPF_MT_presets_group_0")
+    finally:
+        view.language = "en_US"
+
+
 def german(driver):
     """The language switched to German and back: panels and operators follow, and English is as it was."""
     view, translations = bpy.context.preferences.view, bpy.app.translations
     driver.add_camera()
     yield from driver.show_sidebar()
     english = driver.region_pixels("VIEW_3D", "UI")
-    codes = {item.identifier for item in view.bl_rna.properties["language"].enum_items}
     try:
-        view.language = next(
-            code for code in ("de_DE", "de") if code in codes or code in translations.locales
-        )
+        view.language = _german()
         view.use_translate_interface = view.use_translate_tooltips = view.use_translate_reports = True
         yield 2 * DRAW
         driver.shot("panel")
         assert differing(english, driver.region_pixels("VIEW_3D", "UI")) > MANY / 2, "the panel is English"
         assert translations.pgettext_iface("Control Surfaces") == "Steuerflächen"
         assert translations.pgettext_iface("Edit Volume", "Operator") == "Sehvolumen bearbeiten"
-        for context in ("*", "Operator"):
-            shown = translations.pgettext_iface("Inverted Perspective", context)
-            assert shown == "Umgekehrte Perspektive", "an entry of the menu of presets is English"
-        yield from driver.menu("SCFPF_MT_presets_group_0")
         assert translations.pgettext_tip("Render through a viewing volume modeled with control surfaces") == (
             "Durch ein Sehvolumen rendern, das mit Steuerflächen modelliert ist"
         )
@@ -110,4 +126,4 @@ def german(driver):
     assert differing(english, driver.region_pixels("VIEW_3D", "UI")) < MANY / 50
 
 
-SCENARIOS = (own_scene, german)
+SCENARIOS = (own_scene, german_presets, german)
