@@ -3,32 +3,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 # Light from which on a tone begins, and the tone, by which a material's colour is multiplied.
 TONES = ((0.0, (0.3, 0.3, 0.45)), (0.05, (0.6, 0.58, 0.68)), (0.18, (1.0, 1.0, 0.95)))
-INK, THICKNESS, THINNEST = (0.01, 0.01, 0.03, 1.0), 0.035, 0.02
+# The same in black and white, with one grey.
+MANGA = ((0.0, (0.03,) * 3), (0.05, (0.36,) * 3), (0.4, (1.0,) * 3))
+INK, THICKNESS, THINNEST = (0.002, 0.002, 0.002, 1.0), 0.035, 0.02
 
 
-def draw_tones() -> None:
-    """Give all materials steps of light."""
+def draw_tones(tones=TONES) -> None:
+    """Give all materials steps of light. tones: three of them, see TONES."""
     import bpy
 
     for material in bpy.data.materials:
         if material.node_tree is not None:
-            _draw_tones(material)
+            _draw_tones(material, tones)
 
 
-def draw_outlines() -> None:
-    """Give all meshes that are not too thin an outline."""
+def draw_outlines(thicknesses: Mapping[str, float] | None = None) -> None:
+    """Give all meshes that are not too thin an outline.
+
+    thicknesses: in metres by the name of a collection, whose meshes get it; None for THICKNESS of all meshes.
+    """
     import bpy
 
-    hull = _ink()
-    for obj in bpy.context.scene.objects:
-        if obj.type == "MESH" and min(obj.dimensions) >= THINNEST:
-            _outline(obj, hull)
+    hull, scene = _ink(), bpy.context.scene
+    if thicknesses is None:
+        groups = [(scene.objects, THICKNESS, THINNEST)]
+    else:
+        own = {name: bpy.data.collections[name].all_objects for name in thicknesses}
+        groups = [(own[name], thickness, 2.0 * thickness) for name, thickness in thicknesses.items()]
+    for objects, thickness, thinnest in groups:
+        for obj in objects:
+            if obj.type == "MESH" and min(obj.dimensions) >= thinnest:
+                _outline(obj, hull, thickness)
 
 
-def _draw_tones(material) -> None:
-    """Let a material have its colour in TONES, by Shader to RGB."""
+def _draw_tones(material, tones) -> None:
+    """Let a material have its colour in three tones, by Shader to RGB."""
     tree = material.node_tree
     plain = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
     if plain is None:
@@ -37,8 +50,8 @@ def _draw_tones(material) -> None:
     light, seen, ramp, mix, glow = (tree.nodes.new(f"ShaderNode{kind}") for kind in kinds)
     ramp.color_ramp.interpolation = "CONSTANT"
     elements = ramp.color_ramp.elements
-    elements.new(TONES[1][0])
-    for element, (position, tone) in zip(elements, TONES, strict=True):
+    elements.new(tones[1][0])
+    for element, (position, tone) in zip(elements, tones, strict=True):
         element.position, element.color = position, (*tone, 1.0)
     mix.data_type, mix.blend_type, mix.inputs[0].default_value = "RGBA", "MULTIPLY", 1.0
     first, second = [socket for socket in mix.inputs if socket.type == "RGBA"][:2]
@@ -67,11 +80,11 @@ def _ink():
     return material
 
 
-def _outline(obj, material) -> None:
+def _outline(obj, material, thickness: float) -> None:
     """Give an object an inverted hull."""
     # Trees share their meshes.
     if material.name not in obj.data.materials:
         obj.data.materials.append(material)
     hull = obj.modifiers.new("Ink", "SOLIDIFY")
-    hull.thickness, hull.offset, hull.use_flip_normals, hull.use_rim = THICKNESS, 1.0, True, False
+    hull.thickness, hull.offset, hull.use_flip_normals, hull.use_rim = thickness, 1.0, True, False
     hull.material_offset = len(obj.data.materials)

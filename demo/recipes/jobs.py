@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from ..toon import draw_outlines, draw_tones
+from ..toon import MANGA, draw_outlines, draw_tones
 from . import scenes
 from .steps import Recipe, Step, add, add_as_made, done, place, render, render_with_eevee, scale, select, size
 
@@ -137,6 +137,8 @@ def _tiles() -> None:
 VIEWS, CONE = (8, 6), 35.0
 # The width of a tile of one metre in pixels.
 TILE = 24
+# The thickness of lines in metres, by collection.
+LINES = {"Town": 0.24, "Boxer": 0.026, "Fist": 0.009}
 # How many frames the rolling shutter of the propeller takes.
 SHUTTER = 9.0
 # Distances and fields of view, in degrees, of the recipe of the fist.
@@ -174,18 +176,29 @@ RISING = (
     ),
 )
 
-# Steps to a cartoon.
-CARTOON = (
-    Step(
-        "Give the materials *Diffuse*, *Shader to RGB* and a *Color Ramp* with *Constant* steps, and "
-        "multiply their color by it.",
-        draw_tones,
-    ),
-    Step(
+
+def _outlines(more: str = "", thicknesses: dict[str, float] | None = None) -> Step:
+    """Draw outlines. more: a sentence. thicknesses: see ``draw_outlines``."""
+    text = (
         "Give the objects a black *Emission* material as their last one, with *Backface Culling* for "
         "*Camera* and *Shadow*. Add a *Solidify* modifier with *Offset* 1, *Flip Normals* on, *Fill Rim* "
-        "off, and *Material Offset* so large that it reaches the black one.",
-        draw_outlines,
+        "off, and *Material Offset* so large that it reaches the black one."
+    )
+    return Step(text + more, lambda: draw_outlines(thicknesses))
+
+
+# Steps to a cartoon, and to a picture in black, grey and white.
+TONED = (
+    "Give the materials *Diffuse*, *Shader to RGB* and a *Color Ramp* with *Constant* steps{0}, and "
+    "multiply their color by it."
+)
+CARTOON = (Step(TONED.format(""), draw_tones), _outlines())
+INKED = (
+    Step(TONED.format(" of black, grey and white"), lambda: draw_tones(MANGA)),
+    _outlines(
+        f" *Thickness* is {LINES['Fist']:g} m at the fist, {LINES['Boxer']:g} m at the figure, and "
+        f"{LINES['Town']:g} m in the town, which is farther away.",
+        LINES,
     ),
 )
 
@@ -473,6 +486,24 @@ RECIPES = (
             render_with_eevee(),
         ),
         "Most of a panorama or a fisheye comes from six renders at most. More *Samples* smooth edges.",
+    ),
+    Recipe(
+        "manga-perspective",
+        "Manga perspective with outlines",
+        "Five-point perspective in black and white, with ink lines, flat tones and dots, by EEVEE.",
+        scenes.manga,
+        (
+            size(640, 800),
+            *INKED,
+            add("stereographic"),
+            place((0.57, -1.95, 0.98), down=-17.0),
+            render_with_eevee(),
+        ),
+        "Lines are as wide as the volume makes them: choose a *Thickness* that is two pixels and more where "
+        "things are. What hangs on a wall gets a line all round if it stands a little before the wall. The "
+        "dots of the sky are in its world, by direction, so that renders agree on them. The sun casts no "
+        "shadows: the tones are those of the sides of things. *Plan Renders* tells before how many "
+        "renders the picture takes.",
     ),
     Recipe(
         "fulldome-master",

@@ -13,6 +13,26 @@ from ..render_demo import build_street
 EYE = (0.0, -13.0, 1.7)
 # The stripes of the ball before a billboard.
 STRIPES = 12
+# The boxer's colors.
+COLORS = {
+    "Coat": (0.06, 0.20, 0.34),
+    "Trousers": (0.09, 0.08, 0.10),
+    "Skin": (0.58, 0.33, 0.22),
+    "Hair": (0.05, 0.03, 0.02),
+    "Gloves": (0.55, 0.03, 0.02),
+    "Eyes": (0.02, 0.02, 0.02),
+}
+# Those for a picture in black and white, and the axes of the sky behind him: right, up, ahead.
+WHITE, GREY, BLACK = (1.0, 1.0, 1.0), (0.4, 0.4, 0.4), (0.0, 0.0, 0.0)
+MANGA_COLORS = {
+    "Coat": GREY,
+    "Trousers": BLACK,
+    "Skin": WHITE,
+    "Hair": BLACK,
+    "Gloves": WHITE,
+    "Eyes": BLACK,
+}
+SKY_AXES = ((1.0, 0.0, 0.0), (0.0, -0.34, 0.94), (0.0, 0.94, 0.34))
 
 
 def land():
@@ -33,11 +53,17 @@ def street():
 
 def two_cameras():
     """The street with two ordinary cameras: one at the height of eyes, one above the roofs."""
+    scene = build_street()
+    add_level_and_above(scene)
+    return scene
+
+
+def add_level_and_above(scene) -> None:
+    """Add two cameras that look along a street: one at the height of eyes, one above the roofs."""
     import bpy
 
     from ..render_demo import Shot, place_camera
 
-    scene = build_street()
     for name, shot in (
         ("Level", Shot((0.0, -16.0, 1.8), (0.0, 0.0, 2.6))),
         ("From Above", Shot((0.0, -22.0, 34.0), (0.0, 14.0, 0.0))),
@@ -47,7 +73,6 @@ def two_cameras():
         camera.data.lens, camera.data.clip_end = 24.0, 200.0
         place_camera(camera, shot)
         scene.camera = camera
-    return scene
 
 
 def head():
@@ -118,14 +143,107 @@ def lone_car():
 
 def boxer():
     """The street with a figure whose fist is before an ordinary camera."""
+    import bpy
+
+    from ..render_demo import Shot, place_camera
+
+    scene = build_street()
+    _add_figure(scene.collection, (-0.45, -9.9, 0.0))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.data.lens, camera.data.clip_end = camera, 35.0, 150.0
+    place_camera(camera, Shot((0.0, -12.6, 1.1), (0.0, -6.0, 1.2)))
+    return scene
+
+
+def manga():
+    """A town in white and grey with a boxer in its street, before a sky of dots."""
+    import bpy
+
+    from ..inked_town import build_town, dot_sky
+    from ..mesh import MeshBuilder, place
+
+    scene = build_town()
+    figure = bpy.data.collections.new("Boxer")
+    scene.collection.children.link(figure)
+    _add_figure(figure, (0.0, 0.0, 0.0), MANGA_COLORS)
+    for obj in figure.objects:
+        if obj.name == "Gloves":
+            _leave_left_glove(obj.data)
+    fist = bpy.data.collections.new("Fist")
+    scene.collection.children.link(fist)
+    palette = bpy.data.materials
+    place("Fist", _fist().mesh("Fist", palette), fist)
+    # His shadow and his face, as they are drawn.
+    turn = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    drawn = MeshBuilder()
+    rim = np.stack([1.5 * np.cos(turn) - 1.3, 0.3 * np.sin(turn) + 0.15, np.full(48, 0.02)], axis=-1)
+    drawn.add(rim, [range(48)], "Dark")
+    drawn.ball((0.0, -0.195, 1.695), (0.035, 0.02, 0.024), "Dark")
+    for side in (-1.0, 1.0):
+        brow = np.array([(0.02, 1.825), (0.085, 1.86), (0.085, 1.88), (0.02, 1.845)])
+        drawn.add([(side * x, -0.225 + 0.3 * x, z) for x, z in brow], [(0, 1, 2, 3)], "Dark")
+    place("Drawn", drawn.mesh("Drawn", palette), scene.collection)
+    dot_sky(scene.world, *SKY_AXES)
+    return scene
+
+
+def _leave_left_glove(mesh) -> None:
+    """Remove the glove of the stretched arm."""
+    import bmesh
+
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.delete(shape, geom=[vertex for vertex in shape.verts if vertex.co.x > 0.0], context="VERTS")
+    shape.to_mesh(mesh)
+    shape.free()
+
+
+def _fist():
+    """A bare fist at the end of the stretched arm: fingers side by side before what is black between them."""
+    from ..mesh import MeshBuilder
+
+    ahead = np.array([0.16, -0.68, -0.05]) / np.linalg.norm([0.16, -0.68, -0.05])
+    aside = np.cross(ahead, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(ahead, (0.0, 0.0, 1.0)))
+    up = np.cross(aside, ahead)
+    middle, fist = np.array([0.685, -1.42, 1.21]), MeshBuilder()
+
+    def bar(start, end, radius: float) -> None:
+        """A finger's bone, round at both ends. start, end: ahead, aside and up of the middle."""
+        first, last = (middle + np.array(at) @ (ahead, aside, up) for at in (start, end))
+        along = (last - first) / np.linalg.norm(last - first)
+        across = np.cross(along, ahead + 0.3 * aside)
+        across /= np.linalg.norm(across)
+        third, turn = np.cross(along, across), np.linspace(0.0, 2.0 * np.pi, 20, endpoint=False)
+        ring = np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * third
+        bend = np.linspace(0.0, 0.5 * np.pi, 7)
+        rows = [(first, -np.cos(angle), np.sin(angle)) for angle in bend]
+        rows += [(last, np.sin(angle), np.cos(angle)) for angle in bend]
+        points = np.array(
+            [at + radius * (share * along + max(wide, 1e-3) * ring) for at, share, wide in rows]
+        )
+        fist.grid(points, "Skin", closed=True)
+
+    fist.ball(middle, (0.115, 0.085, 0.075), "Dark")
+    for number, (low, high) in enumerate(((-0.055, 0.05), (-0.06, 0.06), (-0.055, 0.055), (-0.05, 0.04))):
+        side = 0.074 * (1.5 - number)
+        bar((0.085, side, high), (0.09, side, low), 0.033)
+        bar((-0.06, 0.9 * side, high - 0.012), (0.06, side, high + 0.006), 0.032)
+    bar((0.03, -0.15, -0.05), (0.10, 0.03, -0.105), 0.034)
+    return fist
+
+
+def _add_figure(collection, place: tuple[float, float, float], colors=COLORS) -> None:
+    """Add a boxer who looks along -Y and whose right fist is 1.6 m before him.
+
+    place: between his feet. colors: of his parts.
+    """
     import bmesh
     import bpy
     from mathutils import Matrix
 
     from ..mesh import material
-    from ..render_demo import Shot, place_camera
 
-    scene = build_street()
     # Limbs by both ends and the radius at both, in metres from between the feet. They look along -Y.
     shapes = {
         "Coat": (
@@ -156,16 +274,10 @@ def boxer():
             ((-0.42, -0.40, 1.17), (-0.40, -0.52, 1.20), 0.085, 0.13),
         ),
     }
-    colors = {
-        "Coat": (0.06, 0.20, 0.34),
-        "Trousers": (0.09, 0.08, 0.10),
-        "Skin": (0.58, 0.33, 0.22),
-        "Hair": (0.05, 0.03, 0.02),
-        "Gloves": (0.55, 0.03, 0.02),
-    }
     figure = bpy.data.objects.new("Figure", None)
-    figure.location = (-0.45, -9.9, 0.0)
-    scene.collection.objects.link(figure)
+    figure.location = place
+    collection.objects.link(figure)
+    parts = []
     for name, limbs in shapes.items():
         shape, mesh = bmesh.new(), bpy.data.meshes.new(name)
         for start, end, first, last in limbs:
@@ -180,22 +292,27 @@ def boxer():
         shape.free()
         part = bpy.data.objects.new(name, mesh)
         part.parent = figure
-        scene.collection.objects.link(part)
+        collection.objects.link(part)
         joined = part.modifiers.new("Joined", "REMESH")
         joined.mode, joined.voxel_size, joined.use_smooth_shade = "VOXEL", 0.016, True
         part.modifiers.new("Smooth", "SMOOTH").iterations = 12
         mesh.materials.append(material(name, colors[name], 0.35 if name == "Gloves" else 0.7))
+        parts.append(part)
+    # As a mesh: each render would join the limbs anew.
+    graph = bpy.context.evaluated_depsgraph_get()
+    for part in parts:
+        part.data = bpy.data.meshes.new_from_object(part.evaluated_get(graph))
+        part.modifiers.clear()
     for side in (-1.0, 1.0):
-        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.016, location=(side * 0.048, -0.19, 1.805))
-        eye = bpy.context.view_layer.objects.active
-        eye.name, eye.parent = "Eye", figure
-        eye.data.shade_smooth()
-        eye.data.materials.append(material("Eyes", (0.02, 0.02, 0.02), 0.1))
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.collection.objects.link(camera)
-    scene.camera, camera.data.lens, camera.data.clip_end = camera, 35.0, 150.0
-    place_camera(camera, Shot((0.0, -12.6, 1.1), (0.0, -6.0, 1.2)))
-    return scene
+        shape, mesh = bmesh.new(), bpy.data.meshes.new("Eye")
+        bmesh.ops.create_uvsphere(shape, u_segments=32, v_segments=16, radius=0.016)
+        shape.to_mesh(mesh)
+        shape.free()
+        eye = bpy.data.objects.new("Eye", mesh)
+        eye.parent, eye.location = figure, (side * 0.048, -0.19, 1.805)
+        collection.objects.link(eye)
+        mesh.shade_smooth()
+        mesh.materials.append(material("Eyes", colors["Eyes"], 0.1))
 
 
 def propeller():

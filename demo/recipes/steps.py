@@ -99,9 +99,9 @@ def place(location: Number3, turn: float = 0.0, down: float = 0.0) -> Step:
 
     numbers = ", ".join(f"{value:g}" for value in location)
     angles = f"{90 - down:g}°, 0°, {turn:g}°"
-    more = (
-        "Look down a little." if down else "The camera is level: in a scene of yours choose the place alone."
-    )
+    more = "The camera is level: in a scene of yours choose the place alone."
+    if down:
+        more = f"Look {'down' if down > 0.0 else 'up'} a little."
     text = f"Press N. In the tab *Item* enter *Location* {numbers} and *Rotation* {angles}. {more}"
     return Step(text, act)
 

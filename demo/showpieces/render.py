@@ -129,6 +129,9 @@ def one_volume() -> tuple[object, list[Callable[[], None]]]:
 
 # The samples of each film, and the milliseconds of its images.
 FILMS = {"street-rises": (street_rises, 8, 160), "one-volume": (one_volume, 4, 200)}
+# Films that are joined from renders by EEVEE.
+JOINED = "inked-street"
+JOINED_SAMPLES, JOINED_PAUSE, HELD = 4, 80, 5
 
 
 def film(name: str) -> None:
@@ -154,6 +157,37 @@ def film(name: str) -> None:
             seen[state] = Image.open(raw).convert("RGB")
             raw.unlink()
         images.append(seen[state])
+    _write_film(name, images, pause)
+
+
+def joined_film() -> None:
+    """Render the inked street by EEVEE, as an animated WebP: forth, a pause, back, a pause."""
+    import bpy
+    from PIL import Image
+
+    from demo.showpieces.inked_street import inked_street
+
+    scene = inked_street()
+    scene.render.resolution_x, scene.render.resolution_y = FILM_SIZE
+    scene.eevee.taa_render_samples, scene.view_settings.view_transform = 1, "Standard"
+    scene.render.image_settings.file_format = "PNG"
+    scene.camera.scfpf.samples = JOINED_SAMPLES
+    raw = OUTPUT / f"{JOINED}-###.png"
+    options = {"camera": scene.camera.name, "engine": "EEVEE", "animation": True, "filepath": str(raw)}
+    if bpy.ops.scfpf.joined_render(**options) != {"FINISHED"}:
+        sys.exit("The inked street was not rendered; the lines above say why.")
+    forth = []
+    for path in sorted(OUTPUT.glob(f"{JOINED}-[0-9]*.png")):
+        forth.append(Image.open(path).convert("RGB"))
+        path.unlink()
+    images = [*[forth[0]] * HELD, *forth, *[forth[-1]] * HELD, *forth[-2:0:-1]]
+    _write_film(JOINED, images, JOINED_PAUSE)
+
+
+def _write_film(name: str, images: list, pause: int) -> None:
+    """Write images as an animated WebP, and the file of the film. pause: milliseconds of an image."""
+    import bpy
+
     path = FOLDER / f"{name}.webp"
     options = {"duration": pause, "loop": 0, "quality": FILM_QUALITY, "method": 4}
     images[0].save(path, save_all=True, append_images=images[1:], **options)
@@ -194,18 +228,22 @@ def make(name: str, percentage: int, samples: int) -> None:
 
 def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("pieces", nargs="*", metavar="PIECE", help=f"one of {', '.join((*PIECES, *FILMS))}")
+    parser.add_argument(
+        "pieces", nargs="*", metavar="PIECE", help=f"one of {', '.join((*PIECES, *FILMS, JOINED))}"
+    )
     parser.add_argument("--percentage", type=int, default=100, metavar="N", help="of the size")
     parser.add_argument("--samples", type=int, default=SAMPLES, metavar="N", help="a pixel, before denoising")
     options = parser.parse_args(arguments)
-    if unknown := sorted(set(options.pieces) - {*PIECES, *FILMS}):
+    if unknown := sorted(set(options.pieces) - {*PIECES, *FILMS, JOINED}):
         parser.error(f"no showpiece is named {', '.join(unknown)}")
     for folder in (FOLDER, OUTPUT):
         folder.mkdir(parents=True, exist_ok=True)
     with scratch_profile() as scratch:
         enable_add_on(scratch)
-        for name in options.pieces or (*PIECES, *FILMS):
-            if name in FILMS:
+        for name in options.pieces or (*PIECES, *FILMS, JOINED):
+            if name == JOINED:
+                joined_film()
+            elif name in FILMS:
                 film(name)
             else:
                 make(name, options.percentage, options.samples)

@@ -13,7 +13,6 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
 import bpy
-import numpy as np
 from mathutils import Matrix
 
 from ..anchors.anchor import Anchor
@@ -30,6 +29,7 @@ from ..projection.user_error import UserError
 from ..shading.typing import Single
 from .anchor_passes import AnchorPasses
 from .cautions import left_out
+from .shared_renders import mapped_to
 
 CAMERA = "SCFPF Anchor"
 LOST = "The scene's copy was removed meanwhile: render again"
@@ -183,13 +183,15 @@ class AnchorScene:
         layer = self._present().view_layers[0]
         layer.use_pass_z, layer.use_grease_pencil = True, strokes and self._has_strokes
 
+    @property
+    def shows_strokes(self) -> bool:
+        """Whether renders show Grease Pencil."""
+        return self._present().view_layers[0].use_grease_pencil
+
     def kept(self, values: Single) -> Single:
-        """Move values into a file that the system maps into memory as needed, for pictures are many."""
+        """Move values into a file."""
         self._kept += 1
-        path = os.path.join(self._folder, f"kept{self._kept}")
-        mapped: Single = np.memmap(path, values.dtype, "w+", shape=values.shape)
-        mapped[:] = values
-        return mapped
+        return mapped_to(os.path.join(self._folder, f"kept{self._kept}"), values)
 
     def look_as(self, camera) -> None:
         """Let the next render be the ordinary one of a camera."""

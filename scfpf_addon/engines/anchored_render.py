@@ -31,6 +31,7 @@ from .cautions import LEFT_OUT_SETTINGS, cautions, fill_cautions
 from .joined_tiles import Pictures, joined_pixels
 from .picture_plan import PicturePlan, ReadPicture, plan_picture_steps, read_picture
 from .render_times import TakenTime, note_time
+from .shared_renders import RenderKey, SharedRenders
 from .world_mist import WorldMist
 
 COMBINED, DEPTH = "Combined", "Depth"
@@ -52,9 +53,18 @@ class AnchoredRender:
     plan: its anchors, once planned; None in an animation, whose frames are planned together.
     """
 
-    def __init__(self, passing: AnchorScene, shot: LayeredShot | None = None, eye: Eye = "") -> None:
-        """shot: of an animation, of which the picture is the scene's present frame. eye: that sees it."""
-        self._passing, self._shot, self._eye = passing, shot, eye
+    def __init__(
+        self,
+        passing: AnchorScene,
+        shot: LayeredShot | None = None,
+        eye: Eye = "",
+        shared: SharedRenders | None = None,
+    ) -> None:
+        """shot: of an animation, of which the picture is the scene's present frame. eye: that sees it.
+
+        shared: renders of earlier frames, if the scene stands still.
+        """
+        self._passing, self._shot, self._eye, self._shared = passing, shot, eye, shared
         self.warnings: list[str] = []
         self.pixels: Single | None = None
         self.passes: dict[str, Pass] = {}
@@ -124,7 +134,7 @@ class AnchoredRender:
         nothing = (np.full(anchor.size[::-1], np.inf, np.float32) for anchor in sky)
         worlds = Pictures([AnchorView(*each) for each in zip(sky, nothing, strict=True)])
         for anchor in sky:
-            color, _depth = yield from self._rendered(anchor)
+            color, _depth = yield from self._rendered(anchor, is_world=True)
             worlds.colors.append(color)
         note_time(self._passing.engine, self._taken)
 
@@ -197,15 +207,20 @@ class AnchoredRender:
         yield from in_background(DRAWING, work)
 
     def _rendered(
-        self, anchor: Anchor, part: ImagePart | None = None
+        self, anchor: Anchor, part: ImagePart | None = None, is_world: bool = False
     ) -> Generator[str, None, tuple[Single, Single | None]]:
-        """Render an anchor of a part and return its colours and passes (H, W, C), which are in a file.
+        """Render an anchor of a part, or use an earlier render.
 
-        Also its depths (H, W) if there are any.
+        Returns colours and passes (H, W, C), which are in a file, and depths (H, W) if there are any.
+        is_world: whether the world alone is shown.
         """
+        number, has_halo = (0, False) if part is None else (part.number, part.scene.halo is not None)
+        key = RenderKey.of(anchor, number, has_halo, self._passing.shows_strokes, is_world)
+        if self._shared is not None and (known := self._shared.find(key)) is not None:
+            self.total -= 1
+            return known
         self._passing.look_through(anchor)
         begun = time.monotonic()
-        number, has_halo = (0, False) if part is None else (part.number, part.scene.halo is not None)
         with self._passing.showing(number, has_halo):
             yield Message("{0} × {1}", *anchor.size)
         renders, pixels, seconds = self._taken
@@ -215,8 +230,11 @@ class AnchoredRender:
         color = self._passing.passes.channels(found)
         # A neighbour that does not count is multiplied by 0, which leaves NaN and infinity as they are.
         np.nan_to_num(color, copy=False, posinf=LARGEST, neginf=-LARGEST)
+        depths = None if depth is None else np.ascontiguousarray(depth.values[..., 0])
+        if self._shared is not None:
+            return self._shared.keep(key, color, depths)
         kept = self._passing.kept
-        return kept(color), None if depth is None else kept(np.ascontiguousarray(depth.values[..., 0]))
+        return kept(color), None if depths is None else kept(depths)
 
 
 def _tell(task: Task, share: float) -> None:

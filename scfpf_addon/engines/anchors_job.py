@@ -19,6 +19,8 @@ from ..projection.user_error import UserError
 from .anchor_scene import AnchorScene
 from .anchored_render import AnchoredRender
 from .render_times import times_text
+from .shared_renders import SharedRenders
+from .standstill import stands_still
 
 OWN_ENGINE = (
     "Choose another render engine than Flexible Projection first, such as EEVEE: its pictures are joined"
@@ -37,6 +39,7 @@ class AnchorsJob(LayersJob):
         # Farms render frames apart: the shot is the whole one of the scene.
         scene = context.scene
         self._shot = LayeredShot(scene.frame_start, scene.frame_end, scene.frame_step)
+        self._shared = SharedRenders() if len(frames) > 1 else None
 
     def require(self, scene) -> None:
         """Raise UserError if the engine is our own."""
@@ -47,7 +50,19 @@ class AnchorsJob(LayersJob):
         """The temporary scene of one picture, which has its name, and the picture's renders."""
         passing = AnchorScene(scene, view_layer, self._renderer)
         self.engine = engine_name(passing.scene)
-        return passing, AnchoredRender(passing, self._shot if self._is_animation else None)
+        shared = self._shared
+        if shared is not None:
+            shared.begin_frame()
+            shared = shared if stands_still(scene, self._renderer) else None
+        return passing, AnchoredRender(passing, self._shot if self._is_animation else None, shared=shared)
+
+    def close(self) -> None:
+        """As of ``LayersJob``; renders that frames share go, too."""
+        try:
+            super().close()
+        finally:
+            if self._shared is not None:
+                self._shared.remove()
 
     def _deliver(self) -> None:
         """Keep the finished picture, and the time of its renders beside a plan that the camera keeps."""

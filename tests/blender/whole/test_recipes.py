@@ -307,6 +307,29 @@ def test_the_toon_panorama_is_150_degrees_of_flat_tones_in_few_renders(way, addo
     assert_few_renders(camera, addon)
 
 
+def test_manga_perspective_keeps_shapes_of_small_things_in_few_renders(way, addon):
+    """Stereographic: the tangent of half the angle grows as the distance from the middle. All is grey."""
+    prepare(RECIPE["manga-perspective"], SMALL)
+    camera = bpy.context.scene.camera
+    ahead = way(camera, [0.5, 0.5, 0.5, 0.5, 1.0], [0.5, 0.0, 0.25, 1.0, 0.5])
+    angles = np.arccos(np.clip(ahead[:, 0] @ ahead, -1.0, 1.0))
+    far = np.tan(angles / 2.0)
+    assert np.degrees(angles[1]) > 55.0
+    assert far / far[1] == pytest.approx([0.0, 1.0, 0.5, 1.0, 0.8], abs=1e-3)
+    assert ahead[2, 0] == pytest.approx(math.sin(math.radians(17.0)), abs=1e-3)
+    for tree in (each.node_tree for each in bpy.data.materials if each.node_tree is not None):
+        for socket in (socket for node in tree.nodes for socket in node.inputs if socket.type == "RGBA"):
+            assert len({round(value, 5) for value in socket.default_value[:3]}) == 1
+    # Lines are two pixels wide at the figure, and 15 m away in the town, where corners of hulls go equally
+    # far along three axes. The picture is 800 pixels high.
+    pixel = 2.0 * far[1] / 400.0
+    hulls = {name: bpy.data.objects[name].modifiers["Ink"].thickness for name in ("Coat", "Tower 00")}
+    body = np.linalg.norm(np.array(camera.location) - (0.0, 0.0, 1.2))
+    assert hulls["Coat"] / body > 2.0 * pixel
+    assert hulls["Tower 00"] / math.sqrt(3.0) / 15.0 > 2.0 * pixel
+    assert_few_renders(camera, addon)
+
+
 def test_the_fulldome_master_from_eevee_has_the_zenith_in_its_middle_and_few_renders(way, addon):
     prepare(RECIPE["fulldome-eevee"], SMALL)
     camera = bpy.context.scene.camera
