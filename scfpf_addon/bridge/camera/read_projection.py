@@ -91,9 +91,14 @@ def read_own_projection(camera, depsgraph, aspect: float) -> Projection:
 
 def world_to_camera(camera) -> Array:
     """The (4, 4) matrix from world space to the space of a camera's children. Raises UserError."""
-    world = np.array(camera.matrix_world, np.float64)
+    return world_to_own(camera)
+
+
+def world_to_own(obj) -> Array:
+    """The (4, 4) matrix from world space to an object's own. Raises UserError for a scale of 0."""
+    world = np.array(obj.matrix_world, np.float64)
     if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
-        raise UserError("'{0}' has a scale of 0: clear it with Alt-S", camera.name)
+        raise UserError("'{0}' has a scale of 0: clear it with Alt-S", obj.name)
     return np.linalg.inv(world)
 
 

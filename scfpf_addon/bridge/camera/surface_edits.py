@@ -27,7 +27,7 @@ from ..surfaces.uv_mesh import read_uv_mesh
 from ..volume import edit_mode
 from ..volume.camera_members import cameras_with
 from .flexible_camera import NewSurface, editable_surfaces, make_flexible, replace_surfaces
-from .read_projection import PlacedLattice, read_own_projection, read_surface
+from .read_projection import PlacedLattice, read_own_projection, read_surface, world_to_own
 from .shown_lens import approximate_lens
 
 # A grid is not made finer than this many faces along an axis.
@@ -85,14 +85,16 @@ def own_shape(surface) -> ControlSurface:
 
 
 def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
-    """A surface in its own space as evaluated, with modifiers. Raises UserError for a lattice."""
+    """A surface in its own space as evaluated, with modifiers.
+
+    Raises UserError for a lattice, and for a scale of 0.
+    """
     read = read_surface(surface, camera, depsgraph)
     if isinstance(read, PlacedLattice):
         raise UserError(
             "'{0}' is a lattice, which is several control surfaces: choose another one", surface.name
         )
-    world = np.array(surface.evaluated_get(depsgraph).matrix_world, np.float64)
-    return read.transformed(np.linalg.inv(world))
+    return read.transformed(world_to_own(surface.evaluated_get(depsgraph)))
 
 
 def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:

@@ -497,3 +497,31 @@ def test_tools_say_what_they_need():
         with pytest.raises(RuntimeError, match="Flexible Camera"):
             operator()
         assert operator.get_rna_type().description
+
+
+# Scales of 0
+
+TOOLS = (
+    *("surface_to_grid", "surface_to_patch", "surface_subdivide", "surface_equalise", "surface_apply_scale"),
+    *("volume_to_lattice", "surface_insert", "surface_duplicate", "volume_swap", "volume_mirror"),
+    *("surface_align", "volume_single_user", "volume_fit", "volume_fit_picture", "volume_frame", "attention"),
+)
+
+
+@pytest.mark.parametrize("kind", ["PLANE", "SPHERE", "UV_MESH"])
+@pytest.mark.parametrize("scale", [(0, 1, 1), (0, 0, 0)])
+@pytest.mark.parametrize("flat", ["surface", "camera"])
+def test_flat_objects_are_worked_on_or_refused_in_words(camera_with, kind, scale, flat):
+    points = bumpy(4, 4) if kind == "UV_MESH" else None
+    for tool in TOOLS:
+        camera = camera_with(kind, points=points)
+        (last(camera) if flat == "surface" else camera).scale = scale
+        bpy.context.view_layer.update()
+        camera.scfpf.active_surface = len(camera.scfpf.surfaces) - 1
+        operator = getattr(bpy.ops.scfpf, tool)
+        if not operator.poll():
+            continue
+        try:
+            operator()
+        except RuntimeError as error:
+            assert "fault of the add-on" not in str(error), tool
