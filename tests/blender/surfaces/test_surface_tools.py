@@ -508,7 +508,7 @@ TOOLS = (
 )
 
 
-@pytest.mark.parametrize("kind", ["PLANE", "SPHERE", "UV_MESH"])
+@pytest.mark.parametrize("kind", ["PLANE", "POINT", "UV_MESH"])
 @pytest.mark.parametrize("scale", [(0, 1, 1), (0, 0, 0)])
 @pytest.mark.parametrize("flat", ["surface", "camera"])
 def test_flat_objects_are_worked_on_or_refused_in_words(camera_with, kind, scale, flat):
