@@ -44,14 +44,19 @@ class Kept(ExitStack):
     def keep(self, owner, *names: str) -> None:
         """Keep properties of an RNA struct; all that can be set, with lists of groups, if none is named."""
         if not names:
-            self.callback(_set_all, owner, _all_values(owner))
+            self.take_back(_set_all, owner, _all_values(owner))
         for name in names:
             value = _plain(getattr(owner, name))
-            self.callback(_set if owner.is_property_set(name) else _unset, owner, name, value)
+            self.take_back(_set if owner.is_property_set(name) else _unset, owner, name, value)
 
     def keep_keys(self, datablock) -> None:
         """Keep the add-on's custom properties of a datablock."""
-        self.callback(_set_keys, datablock, _own_keys(datablock))
+        self.take_back(_set_keys, datablock, _own_keys(datablock))
+
+    def take_back(self, function: Callable, *args: object) -> None:
+        """Have a function called with arguments, unless a datablock among them has been removed by then."""
+        structs = [each for each in args if isinstance(each, bpy.types.bpy_struct)]
+        self.callback(_unless_gone, [each.id_data for each in structs], function, *args)
 
 
 # The ways back that edits within each block in progress have noted.
@@ -100,9 +105,12 @@ def _end_all() -> None:
 
 
 def way_back(function: Callable, *args: object) -> None:
-    """Have a function called with arguments if the block in progress raises; nothing without a block."""
+    """Have a function called with arguments if the block in progress raises; nothing without a block.
+
+    It is not called if the datablock of one of the arguments has been removed by then.
+    """
     if _edits:
-        _edits[-1].callback(function, *args)
+        _edits[-1].take_back(function, *args)
 
 
 def keep(owner, *names: str) -> None:
@@ -197,6 +205,19 @@ def _plain(value):
         return value.copy()  # its rows would follow
     is_array = hasattr(value, "__len__") and not isinstance(value, (str, bpy.types.bpy_struct))
     return tuple(value) if is_array else value
+
+
+def _unless_gone(datablocks: list, function: Callable, *args: object) -> None:
+    """Call a function, unless one of some datablocks has been removed, as temporary ones are.
+
+    What was kept of such has gone with it: its memory must not be touched. None stands for no datablock.
+    """
+    try:
+        for datablock in filter(None, datablocks):
+            _ = datablock.session_uid
+    except ReferenceError:
+        return
+    function(*args)
 
 
 def _set_all(owner, values: dict[str, object]) -> None:

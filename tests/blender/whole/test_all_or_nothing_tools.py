@@ -275,3 +275,24 @@ def test_the_way_back_of_a_surface_that_the_edit_has_removed(addon):
     evaluated = stays.evaluated_get(bpy.context.evaluated_depsgraph_get())
     assert max(vertex.co.x for vertex in evaluated.data.vertices) == pytest.approx(1.0)
     assert len(bare.modifiers) == 0
+
+
+def test_what_a_block_has_removed_has_no_way_back(addon, empty_file):
+    """Of a temporary object that the block has changed: its groups and custom properties as well."""
+    module = addon("bridge.blender.all_or_nothing")
+    scene = bpy.context.scene
+    before, scene.frame_start = scene.frame_start, 5
+    with pytest.raises(KeyError, match="of the test"), module.all_or_nothing() as kept:
+        module.keep(scene, "frame_start")
+        scene.frame_start = 9
+        passing = bpy.data.objects.new("Passing", bpy.data.cameras.new("Passing"))
+        module.keep(passing, "location", "scale")
+        module.keep(passing.scfpf, "basis")
+        module.keep(passing.data)
+        kept.keep_keys(passing)
+        module.keep_whole(passing.data)
+        passing.location, passing.scfpf.basis, passing["scfpf_test"] = (1, 2, 3), "POLYLINE", 1
+        bpy.data.cameras.remove(passing.data)
+        raise KeyError("of the test")
+    assert scene.frame_start == 5 and not bpy.data.objects and not bpy.data.cameras
+    scene.frame_start = before
