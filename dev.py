@@ -69,7 +69,7 @@ def command_compositions(options, rest):
 
 
 def command_showpieces(options, rest):
-    """Render docs/showpieces/ through Cycles, a quarter of an hour; names choose some."""
+    """Render docs/showpieces/ through Cycles and EEVEE, an hour or more; names choose some."""
     environments.run([environments.first().python, "demo/showpieces/render.py", *rest])
 
 

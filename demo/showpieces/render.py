@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render the showpieces: pictures through Cycles with all of its light, for docs/showpieces.md.
+"""Render the showpieces for docs/showpieces.md: pictures through Cycles with all of its light, and films.
 
     python demo/showpieces/render.py [PIECE ...] [--percentage N] [--samples N]
 
