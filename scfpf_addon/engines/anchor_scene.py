@@ -25,6 +25,7 @@ from ..bridge.camera.flexible_camera import control_objects
 from ..bridge.scene.read_visibility import rendered_objects
 from ..cycles.layers.temporary_scene import FORMAT
 from ..cycles.rig_data import CYCLES, rigs
+from ..projection.typing import Array
 from ..projection.user_error import UserError
 from ..shading.typing import Single
 from .anchor_passes import AnchorPasses
@@ -196,6 +197,18 @@ class AnchorScene:
     def look_as(self, camera) -> None:
         """Let the next render be the ordinary one of a camera."""
         self._present().camera = camera
+
+    def look_as_eye(self, camera, place: Array, shift: float) -> None:
+        """Let the next render be that of an ordinary camera at a place (4, 4) with the lens of a camera.
+
+        shift: what is added to its horizontal shift.
+        """
+        own = self._present().camera
+        before, own.data = own.data, camera.data.copy()
+        bpy.data.cameras.remove(before)
+        own.data.animation_data_clear()
+        own.data.shift_x += shift
+        own.matrix_world = Matrix(place.tolist())
 
     def leave_out_sky(self) -> None:
         """Let renders be clear where they show nothing."""

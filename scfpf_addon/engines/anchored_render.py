@@ -95,9 +95,12 @@ class AnchoredRender:
         if inputs.settings.paper is not None:
             self._passing.leave_out_sky()
             inputs = replace(inputs, settings=replace(inputs.settings, transparent=True))
-        if inputs.is_ordinary and not self._eye:
+        if inputs.is_ordinary and (not self._eye or picture.eye_lens is not None):
             self.total = 1
-            self._passing.look_as(camera)
+            if picture.eye_lens is None:
+                self._passing.look_as(camera)
+            else:
+                self._passing.look_as_eye(camera, *picture.eye_lens)
             self._passing.passes.take_mist(self._passing.scene.view_layers[0])
             del camera
             yield Message("the camera's own view")

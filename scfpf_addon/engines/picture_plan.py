@@ -18,7 +18,7 @@ from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import LayeredShot, LookedAt, completed_sets
 from ..anchors.stand_ins import StandIns
 from ..bridge.blender.scene_objects import object_by_uid
-from ..bridge.camera.stereo_views import Eye
+from ..bridge.camera.stereo_views import Eye, eye_place, eye_shift
 from ..bridge.render.render_inputs import RenderInputs, read_inputs, synced_image_size
 from ..bridge.scene.instances import instances
 from ..bridge.scene.read_scene import NOTHING
@@ -48,7 +48,8 @@ class ReadPicture(NamedTuple):
 
     inputs: of the picture. axes: (3, 3), right, up and back of its camera. one_sided: see ``SeenScene``.
     instancers: session ids of the objects that instance others, if the picture has layers. stand_ins: of what
-    the rest shows that has no faces, None if nothing.
+    the rest shows that has no faces, None if nothing. eye_lens: of an eye of the camera's own view, the place
+    (4, 4) of an ordinary camera that sees the same and what is added to its horizontal shift; else None.
     """
 
     inputs: RenderInputs
@@ -56,6 +57,7 @@ class ReadPicture(NamedTuple):
     one_sided: BoolArray | None
     instancers: frozenset[int]
     stand_ins: StandIns | None = None
+    eye_lens: tuple[Array, float] | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -133,15 +135,20 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None, eye: Ey
         keys = (each.key for each in instances(depsgraph)) if inputs.projection.layers else ()
         instancers = frozenset(key.owner_uid for key in keys if key.owner_uid != key.uid)
         stand_ins = read_stand_ins(depsgraph, inputs.image_layers.members)
+        eye_lens = _eye_lens(camera.evaluated_get(depsgraph), eye) if inputs.is_ordinary and eye else None
         if frame is not None:
             set_frame(present, subframe=0.0)
-        return inputs, np.array(turn, np.float64), instancers, stand_ins
+        return inputs, np.array(turn, np.float64), (instancers, stand_ins, eye_lens)
 
-    inputs, axes, instancers, stand_ins = with_render_depsgraph(
-        scene, scene.view_layers[0], read, with_time=True
-    )
+    inputs, axes, rest = with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
     names, material = inputs.scene.material_names, inputs.scene.geometry.material
-    return ReadPicture(inputs, axes, one_sided(scene, names, material), instancers, stand_ins)
+    return ReadPicture(inputs, axes, one_sided(scene, names, material), *rest)
+
+
+def _eye_lens(camera, eye: Eye) -> tuple[Array, float] | None:
+    """``ReadPicture.eye_lens`` of an evaluated camera whose picture is its own view."""
+    shift = eye_shift(camera, eye)
+    return None if shift is None else (eye_place(camera, eye), shift)
 
 
 def plan_picture_steps(

@@ -79,6 +79,20 @@ def eye_place(camera, eye: Eye) -> Array:
     return placement(camera) @ _pose(camera.data.stereo, eye)
 
 
+def eye_shift(camera, eye: Eye) -> float | None:
+    """Return what an evaluated camera's eye adds to the horizontal shift of the camera's own lens.
+
+    With it an ordinary camera at ``eye_place`` sees as the eye of the camera's own view does. None where none
+    does: off-axis eyes of parallel lenses.
+    """
+    lens = camera.data
+    sheared = np.linalg.inv(_pose(lens.stereo, eye)) @ eye_matrix(camera, eye)
+    if lens.type == "ORTHO":
+        return 0.0 if np.allclose(sheared, np.eye(4)) else None
+    measure = lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+    return -float(sheared[0, 2]) * lens.lens / measure
+
+
 def own_depth_plane(projection: Projection, camera, depsgraph, eye: Eye) -> Array | None:
     """The plane, see ``depth_plane``, that an ordinary camera's depth is measured from.
 

@@ -66,30 +66,55 @@ def assert_alike(tile, own):
 
 
 QUILTS = [
-    ("quilt", "SCENE"),
-    ("quilt_joined", "SCENE"),
-    ("quilt", "RIG"),
-    ("quilt", "WORKBENCH"),
+    ("quilt", "SCENE", "own"),
+    ("quilt_joined", "SCENE", "joined"),
+    ("quilt", "RIG", "own"),
+    ("quilt", "WORKBENCH", "own"),
+    ("quilt", "WORKBENCH", "joined"),
 ]
 
 
-@pytest.mark.parametrize(("press", "engine"), QUILTS)
-def test_a_tile_is_the_view_of_an_ordinary_camera_by_its_engine(scene, press, engine, tmp_path):
-    """Of cameras side by side whose lens is shifted so that the focus stays where it is."""
+@pytest.fixture
+def rendered():
+    """The sizes of the renders that engines have begun."""
+    found = []
+
+    def note(scene, *_):
+        found.append((scene.render.resolution_x, scene.render.resolution_y))
+
+    bpy.app.handlers.render_init.append(note)
+    yield found
+    bpy.app.handlers.render_init.remove(note)
+
+
+@pytest.mark.parametrize(("press", "engine", "volume"), QUILTS)
+def test_a_tile_is_the_view_of_an_ordinary_camera_by_its_engine(
+    scene, rendered, press, engine, volume, tmp_path
+):
+    """Of cameras side by side whose lens is shifted so that the focus stays where it is.
+
+    The volume is that of the lens, of which an engine makes a tile by one render, or of another one.
+    """
     camera, lens = scene.camera, scene.camera.data
     columns, rows, focus, cone = 2, 2, 5.0, math.radians(30)
     bpy.ops.scfpf.camera_from_camera()
-    camera.scfpf.samples = 1
+    camera.scfpf.samples, camera.scfpf.fit = 1, "NONE"
+    angle = lens.angle
+    lens.angle *= 1.0 if volume == "own" else 0.7
     render = getattr(bpy.ops.scfpf, press)
     path = {"filepath": str(tmp_path / "quilt.png")} if press == "quilt_joined" else {}
     show_objects(scene)
+    before = [*bpy.data.cameras]
     assert render(columns=columns, rows=rows, cone=cone, focus=focus, engine=engine, **path) == {"FINISHED"}
+    assert [*bpy.data.cameras] == before
+    if engine != "RIG":
+        assert (rendered == [(WIDTH, HEIGHT)] * columns * rows) == (volume == "own")
     if path:
         written = bpy.data.images.load(path["filepath"])
         assert tuple(written.size) == (columns * WIDTH, rows * HEIGHT)
     quilt = picture()
     assert quilt.shape == (rows * HEIGHT, columns * WIDTH, 3)
-    camera.scfpf.enabled = False
+    camera.scfpf.enabled, lens.angle = False, angle
     scene.render.engine = "BLENDER_WORKBENCH" if engine == "WORKBENCH" else "CYCLES"
     reach = focus * math.tan(cone / 2)
     for number, offset in enumerate(np.linspace(-reach, reach, columns * rows)):
@@ -149,16 +174,18 @@ def test_both_eyes_of_a_panorama_are_those_of_cycles(scene, tmp_path, engine):
 
 
 @pytest.mark.parametrize(
-    ("mode", "pivot", "engine"),
+    ("mode", "pivot", "engine", "volume"),
     [
-        ("OFFAXIS", "CENTER", "SCENE"),
-        ("OFFAXIS", "RIGHT", "RIG"),
-        ("PARALLEL", "LEFT", "SCENE"),
-        ("TOE", "CENTER", "RIG"),
-        ("TOE", "RIGHT", "SCENE"),
+        ("OFFAXIS", "CENTER", "SCENE", "own"),
+        ("OFFAXIS", "LEFT", "SCENE", "joined"),
+        ("OFFAXIS", "RIGHT", "RIG", "own"),
+        ("PARALLEL", "LEFT", "SCENE", "own"),
+        ("TOE", "CENTER", "SCENE", "joined"),
+        ("TOE", "LEFT", "RIG", "own"),
+        ("TOE", "RIGHT", "SCENE", "own"),
     ],
 )
-def test_both_eyes_are_those_of_the_cameras_own_stereo_by_cycles(scene, mode, pivot, engine):
+def test_both_eyes_are_those_of_the_cameras_own_stereo_by_cycles(scene, mode, pivot, engine, volume):
     """For a camera that is turned, scaled and shifted: Blender's own eyes, and those of its volume."""
     camera, render = scene.camera, scene.render
     camera.rotation_euler, camera.scale = (1.5, 0.1, 0.05), (1.5, 1.5, 1.5)
@@ -175,7 +202,8 @@ def test_both_eyes_are_those_of_the_cameras_own_stereo_by_cycles(scene, mode, pi
         own.append(next(values for name, values in found.items() if name.endswith("Combined"))[..., :3])
     bpy.context.view_layer.objects.active = camera
     bpy.ops.scfpf.camera_from_camera()
-    camera.scfpf.samples = 1
+    camera.scfpf.samples, camera.scfpf.fit = 1, "NONE"
+    camera.data.angle *= 1.0 if volume == "own" else 0.7
     assert bpy.ops.scfpf.eyes_joined(engine=engine) == {"FINISHED"}
     both = picture()
     assert both.shape == (HEIGHT, 2 * WIDTH, 3)
