@@ -208,7 +208,9 @@ class AnchorScene:
         bpy.data.cameras.remove(before)
         own.data.animation_data_clear()
         own.data.shift_x += shift
-        own.matrix_world = Matrix(place.tolist())
+        # It moves with the camera while the shutter is open.
+        own.parent, own.matrix_basis = camera, Matrix()
+        own.matrix_parent_inverse = camera.matrix_world.inverted_safe() @ Matrix(place.tolist())
 
     def leave_out_sky(self) -> None:
         """Let renders be clear where they show nothing."""

@@ -120,11 +120,36 @@ def test_a_tile_is_the_view_of_an_ordinary_camera_by_its_engine(
     for number, offset in enumerate(np.linspace(-reach, reach, columns * rows)):
         camera.location.x, lens.shift_x = offset, -offset / focus * lens.lens / lens.sensor_width
         bpy.context.view_layer.update()
-        own = next(values for name, values in f12(scene).items() if name.endswith("Combined"))[..., :3]
+        own = combined(scene)
         row, column = divmod(number, columns)
         tile = quilt[row * HEIGHT : (row + 1) * HEIGHT, column * WIDTH : (column + 1) * WIDTH]
         assert_alike(tile, own)
     assert np.abs(quilt[:HEIGHT, :WIDTH] - quilt[HEIGHT:, -WIDTH:]).mean() > 0.01
+
+
+def test_a_moving_camera_blurs_its_tiles(scene):
+    """As an ordinary camera does in Cycles, whose noise is that of the same seed."""
+    camera, lens = scene.camera, scene.camera.data
+    camera.scale = (1.5, 1.2, 1.0)
+    bpy.ops.scfpf.camera_from_camera()
+    for frame, place in ((0, -5.5), (2, -4.5)):
+        camera.location.y = place
+        camera.keyframe_insert("location", index=1, frame=frame)
+    scene.frame_set(1)
+    scene.render.use_motion_blur, scene.cycles.samples = True, 4
+    assert bpy.ops.scfpf.quilt(columns=2, rows=1, cone=0.5, focus=5.0, engine="SCENE") == {"FINISHED"}
+    quilt = picture()
+    camera.scfpf.enabled = False
+    camera.location.x = 5.0 * math.tan(0.25)
+    lens.shift_x = -math.tan(0.25) * lens.lens / lens.sensor_width
+    blurred, scene.render.use_motion_blur = combined(scene), False
+    assert np.allclose(quilt[:, WIDTH:], blurred, atol=1e-3)
+    assert np.abs(blurred - combined(scene)).mean() > 1e-3
+
+
+def combined(scene):
+    """The picture of F12, (H, W, 3)."""
+    return next(values for name, values in f12(scene).items() if name.endswith("Combined"))[..., :3]
 
 
 def show_objects(scene):
