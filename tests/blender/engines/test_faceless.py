@@ -171,7 +171,7 @@ def edges(image):
         (hair, "deep_curvy_volume", "cycles"),
         (strokes, "deep_curvy_volume", "cycles"),
         (dots, "inverted_perspective", "cycles"),
-        (strokes, "cylindrical_panorama", "eevee"),
+        pytest.param(strokes, "cylindrical_panorama", "eevee", marks=pytest.mark.once),
     ],
 )
 def test_things_without_faces_are_where_meshes_are(scene, addon, make, preset, engine):
@@ -194,6 +194,7 @@ def test_things_without_faces_are_where_meshes_are(scene, addon, make, preset, e
     assert abs(shown.sum() / is_thing.sum() - 1.0) < (0.08 if make is strokes else 0.05)
 
 
+@pytest.mark.once
 def test_a_scene_of_strokes_alone(scene, addon):
     """It needs no mesh: the strokes are where they are before a wall, and the world is around them."""
     wall, pillar = (obj for obj in scene.objects if obj.type == "MESH")
