@@ -212,11 +212,11 @@ class ViewRenders:
         return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
 
     def _first_keys(self, shot: LayerRender, is_hit: BoolArray) -> Array:
-        """The keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without passes.
+        """The keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without passes or layers.
 
         is_hit: (1, H, W), whether it shows the layer.
         """
-        if not shot.passes:
+        if not shot.passes or not self._read.layers.layers:
             return np.zeros((0, 0))
         position: Array = shot.position.astype(np.float64)
         first: Array = self._keys(position, is_hit)[0]

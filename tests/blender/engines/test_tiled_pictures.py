@@ -254,3 +254,18 @@ def test_the_rig_of_each_eye_leaves_nothing(scene):
         bpy.ops.scfpf.quilt(columns=1, rows=1, engine="RIG")
     assert not [obj.name for obj in bpy.data.objects if obj.name.startswith("SCFPF Eye")]
     assert camera.name in bpy.data.objects
+
+
+@pytest.mark.parametrize("engine", ("SCENE", "RIG"))
+def test_tiles_of_a_view_layer_with_passes(scene, engine):
+    """A quilt has colors only, whatever passes the view layer has on."""
+    bpy.ops.scfpf.camera_add(preset="cylindrical_panorama")
+    scene.camera = bpy.context.object
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.quilt(columns=1, rows=1, engine=engine) == {"FINISHED"}
+    plain = picture()
+    layer = scene.view_layers[0]
+    layer.use_pass_z = layer.use_pass_mist = layer.use_pass_normal = layer.use_pass_object_index = True
+    layer.use_pass_diffuse_color = True
+    assert bpy.ops.scfpf.quilt(columns=1, rows=1, engine=engine) == {"FINISHED"}
+    np.testing.assert_allclose(picture(), plain, atol=1e-3)
