@@ -212,7 +212,7 @@ class ViewRenders:
         return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
 
     def _first_keys(self, shot: LayerRender, is_hit: BoolArray) -> Array:
-        """Return keys (H, W) of the one sample of each pixel that passes are of; (0, 0) without these or layers.
+        """The keys (H, W) of the sample of each pixel that passes are of; (0, 0) without passes or layers.
 
         is_hit: (1, H, W), whether it shows the layer.
         """
