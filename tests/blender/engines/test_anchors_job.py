@@ -15,11 +15,6 @@ WIDTH, HEIGHT = 64, 36
 
 
 @pytest.fixture
-def jobs(addon):
-    return addon("engines.anchors_job")
-
-
-@pytest.fixture
 def scene():
     """Things whose colour is their position, divided by 16 and raised to be positive, in a dark world."""
     scene = bpy.context.scene

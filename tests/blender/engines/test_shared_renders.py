@@ -12,11 +12,6 @@ WORKBENCH = "BLENDER_WORKBENCH"
 
 
 @pytest.fixture
-def jobs(addon):
-    return addon("engines.anchors_job")
-
-
-@pytest.fixture
 def scene():
     """Cubes in a room, before a camera whose bent volume moves in four frames."""
     scene = bpy.context.scene
@@ -110,6 +105,52 @@ def _movie():
     bpy.data.images.new("Movie", 4, 4).source = "SEQUENCE"
 
 
+def _drawings():
+    kind = "grease_pencils" if bpy.app.version >= (5, 0, 0) else "grease_pencils_v3"
+    data = getattr(bpy.data, kind).new("Drawing")
+    frames = data.layers.new("Lines").frames
+    frames.new(1), frames.new(3)
+    _linked("Drawing", data)
+
+
+def _scene_time():
+    group = bpy.data.node_groups.new("Time", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    group.nodes.new("GeometryNodeInputSceneTime")
+    bpy.data.objects["Cube"].modifiers.new("Time", "NODES").node_group = group
+
+
+def _shape_keys():
+    cube = bpy.data.objects["Cube"]
+    cube.shape_key_add()
+    _key(cube.shape_key_add(), "value")
+
+
+def _smoke():
+    volume = bpy.data.volumes.new("Smoke")
+    volume.is_sequence = True
+    _linked("Smoke", volume)
+
+
+def _instance():
+    collection = bpy.data.collections.new("Elsewhere")
+    member = bpy.data.objects.new("Member", bpy.data.objects["Cube"].data)
+    collection.objects.link(member)
+    _key(member, "location", x=1.0)
+    holder = _linked("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", collection
+
+
+def _linked(name, data):
+    obj = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def _tracking():
+    bpy.data.objects["Cube"].constraints.new("TRACK_TO").target = bpy.context.scene.camera
+
+
 CHANGES = {
     "material": _animated_material,
     "nodes": _animated_nodes,
@@ -121,6 +162,15 @@ CHANGES = {
     "thing": lambda: _key(bpy.data.objects["Cube"], "location", x=1.0),
     "child": lambda: setattr(bpy.data.objects["Cube"], "parent", bpy.context.scene.camera),
     "movie": _movie,
+    "drawings": _drawings,
+    "scene time": _scene_time,
+    "shape keys": _shape_keys,
+    "smoke": _smoke,
+    "instance": _instance,
+    "tracking": _tracking,
+    "particles": lambda: bpy.data.objects["Cube"].modifiers.new("Hair", "PARTICLE_SYSTEM"),
+    "hiding": lambda: _key(bpy.data.objects["Cube"], "hide_render"),
+    "object color": lambda: _key(bpy.data.objects["Cube"], "color"),
     "scene": lambda: _key(bpy.context.scene, "gravity"),
 }
 
