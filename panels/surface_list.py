@@ -4,7 +4,7 @@
 import bpy
 
 from ..operators.common.words import label_text
-from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
+from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent, is_being_edited
 from ..scfpf_addon.bridge.camera.by_distance import is_by_distance
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
@@ -108,7 +108,9 @@ def _draw_surface(layout, context, slot, basis: str) -> None:
     header.label(text="Kind and Sizes")
     if sizes is None:
         return
-    sizes.prop(own, "kind")
+    kind = sizes.row()
+    kind.enabled = not is_being_edited(slot.object)
+    kind.prop(own, "kind")
     for label, owner, name in parameters:
         sizes.prop(owner, name, text=label)
     if is_scaled(slot.object):

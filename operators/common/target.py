@@ -4,9 +4,10 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
-from ...scfpf_addon.bridge.blender.scene_objects import missing_text
+from ...scfpf_addon.bridge.blender.scene_objects import is_being_edited, missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ...scfpf_addon.bridge.sync.camera_sync import camera_objects
+from ...scfpf_addon.bridge.volume.camera_members import grids_of, surfaces_of
 from ...scfpf_addon.projection.user_error import UserError
 
 NO_CAMERA = (
@@ -93,8 +94,14 @@ def poll_object_mode(cls, context) -> bool:
 
 
 def poll_camera(cls, context) -> bool:
-    """Poll for operators on an editable camera in Object Mode."""
-    return poll_camera_in_any_mode(cls, context) and poll_object_mode(cls, context)
+    """Poll for operators on an editable camera in Object Mode, in whatever scene its surfaces are edited."""
+    if not (poll_camera_in_any_mode(cls, context) and poll_object_mode(cls, context)):
+        return False
+    camera = camera_of(context)
+    if any(is_being_edited(member) for member in (*surfaces_of(camera), *grids_of(camera))):
+        cls.poll_message_set("A control surface is in Edit Mode in another scene: go to Object Mode there")
+        return False
+    return True
 
 
 def poll_camera_in_any_mode(cls, context) -> bool:

@@ -176,3 +176,11 @@ def object_by_uid(session_uid: int):
 def scene_by_uid(session_uid: int):
     """The scene with a ``session_uid``; None if it was removed."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == session_uid), None)
+
+
+def is_being_edited(obj) -> bool:
+    """Return whether an object is in Edit Mode or another mode in any scene, or shares data that are.
+
+    Blender keeps such data apart until the mode ends: what is written to them is lost or refused.
+    """
+    return obj.mode != "OBJECT" or getattr(obj.data, "is_editmode", False)

@@ -16,7 +16,7 @@ from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.user_error import UserError
 from ..blender.all_or_nothing import at_end, keep
 from ..blender.rig_mark import is_rig_part
-from ..blender.scene_objects import delete_with_data, link_beside, object_by_uid
+from ..blender.scene_objects import delete_with_data, is_being_edited, link_beside, object_by_uid
 from ..blender.slot_animation import (
     MAPPINGS,
     SURFACES,
@@ -105,6 +105,8 @@ def editable_surfaces(camera, indices=None) -> list:
             )
         if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
             raise UserError("'{0}' is linked from another file: make it local first", surface.name)
+        if is_being_edited(surface):
+            raise UserError("'{0}' is in Edit Mode: go to Object Mode first, in its scene", surface.name)
         if surface not in found:
             found.append(surface)
     return found

@@ -20,7 +20,7 @@ from ...projection.user_error import UserError
 from ..blender import versions
 from ..blender.all_or_nothing import way_back
 from ..blender.mesh_grid import checked_grid, grid_points, write_grid
-from ..blender.scene_objects import delete_with_data, object_by_uid
+from ..blender.scene_objects import delete_with_data, is_being_edited, object_by_uid
 from .kinds import BLENDER_KINDS, MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .surface_groups import group_inputs, surface_group
 from .surface_limits import drawn_vertices
@@ -73,12 +73,13 @@ def take_kind(surface) -> None:
     """Give a surface the node group or mesh that its new ``kind`` needs.
 
     Between parametric kinds, inputs of the same name keep their values. From a parametric kind to a mesh, the
-    mesh gets the surface's shape, or that of a new surface if no mesh can hold it.
+    mesh gets the surface's shape, or that of a new surface if no mesh can hold it; in Edit Mode it stays what
+    the modifier makes.
     """
     kind, own = surface.scfpf_surface.kind, _own_modifier(surface)
     if kind in PARAMETRIC_KINDS and (own is None or own[1] != kind):
         _take_group(surface, kind, own)
-    elif kind in MESH_KINDS and own is not None:
+    elif kind in MESH_KINDS and own is not None and not is_being_edited(surface):
         modifier, before = own
         values = _input_values(modifier)
         points = _flat(kind)

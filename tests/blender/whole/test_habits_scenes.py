@@ -272,3 +272,82 @@ def test_what_is_removed_with_its_scene_takes_the_volume_object_of_its_camera_al
     bpy.context.view_layer.update()
     assert name not in bpy.data.objects
     assert not any(obj.scfpf_surface.is_volume for obj in bpy.data.objects)
+
+
+def edited_elsewhere(kind):
+    """The camera, whose near surface of a kind is in Edit Mode in a scene that no window shows any more."""
+    camera = add_camera("Edited")
+    conversions = {"GRID": bpy.ops.scfpf.surface_to_grid, "NURBS": bpy.ops.scfpf.surface_to_patch}
+    if kind in conversions:
+        assert conversions[kind](columns=4, rows=4) == {"FINISHED"}
+    if kind == "LATTICE":
+        assert bpy.ops.scfpf.volume_to_lattice() == {"FINISHED"}
+    if kind == "WARP":
+        assert bpy.ops.scfpf.mapping_add(kind="GRID") == {"FINISHED"}
+        edited = camera.scfpf.mappings[0].grid
+    else:
+        edited = camera.scfpf.surfaces[0].object
+    edited.hide_select = False
+    first, other = bpy.context.scene, bpy.data.scenes.new("Other")
+    for obj in first.collection.all_objects:
+        other.collection.objects.link(obj)
+    other.camera = camera
+    small(other)
+    bpy.context.view_layer.objects.active = edited
+    assert bpy.ops.object.mode_set(mode="EDIT") == {"FINISHED"}
+    bpy.context.window.scene = other
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.context.mode == "OBJECT" and edited.mode == "EDIT"
+    return camera, edited
+
+
+@pytest.mark.parametrize("kind", ["PLANE", "GRID", "NURBS", "LATTICE", "WARP"])
+def test_no_operator_touches_what_is_edited_in_another_scene(kind, addon):
+    """Its points would be lost when that mode ends, or the object with them."""
+    camera, edited = edited_elsewhere(kind)
+    read = addon("bridge.camera.read_projection").read_projection
+    before = read(camera, bpy.context.evaluated_depsgraph_get(), 16 / 9)
+    changing = (
+        "surface_",
+        "volume_",
+        "mapping_",
+        "preset_apply",
+        "blend_",
+        "camera_from",
+        "by_distance",
+        "dim",
+    )
+    for name in sorted(dir(bpy.ops.scfpf)):
+        operator = getattr(bpy.ops.scfpf, name)
+        if not name.startswith(changing) or not operator.poll():
+            continue
+        try:
+            operator("EXEC_DEFAULT")
+        except RuntimeError as error:
+            assert "fault of the add-on" not in str(error), name
+        assert edited.mode == "EDIT" and edited.name in bpy.context.scene.objects, name
+    after = read(camera, bpy.context.evaluated_depsgraph_get(), 16 / 9)
+    there = [each.volume.evaluate(U, V, T).position for each in (before, after)]
+    assert np.abs(there[1] - there[0]).max() == 0
+    bpy.context.window.scene = next(scene for scene in bpy.data.scenes if scene.name != "Other")
+    bpy.context.view_layer.objects.active = edited
+    assert bpy.ops.object.mode_set(mode="OBJECT") == {"FINISHED"}
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.volume_swap.poll() or kind == "LATTICE"
+
+
+def test_a_script_cannot_reshape_what_is_edited(addon):
+    camera, edited = edited_elsewhere("PLANE")
+    edits, refused = addon("bridge.camera.surface_edits"), addon("projection.user_error").UserError
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    with pytest.raises(refused, match="Edit Mode"):
+        edits.convert_to_grid(camera, depsgraph, 0, 3, 3, 0.001)
+    assert edited.name in bpy.context.scene.objects and edited.scfpf_surface.kind == "PLANE"
+
+
+def test_a_kind_chosen_in_edit_mode_keeps_the_shape(shown):
+    camera, edited = edited_elsewhere("PLANE")
+    before = shown(camera)
+    edited.scfpf_surface.kind = "GRID"
+    assert np.abs(shown(camera) - before).max() < 1e-6
+    assert len(edited.modifiers) == 1
