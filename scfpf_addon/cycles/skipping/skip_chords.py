@@ -190,6 +190,8 @@ class _ChordSearch:
         portals = depsgraph.objects.get(self._name)
         if portals is None:
             raise NotSkipping("A view layer of the scene leaves the rig out")
-        mesh = portals.data
-        ends = foreach(mesh.attributes["position"].data, "vector", 3)[first_sheet(self._count) :]
+        mesh, first = portals.data, first_sheet(self._count)
+        if len(mesh.vertices) != first + (self._count + 1) * rows * columns:
+            raise NotSkipping("The rig has lost its nodes: undo, or remove it and press Cycles again")
+        ends = foreach(mesh.attributes["position"].data, "vector", 3)[first:]
         return ends.reshape(self._count + 1, rows, columns, 3).transpose(0, 3, 1, 2)

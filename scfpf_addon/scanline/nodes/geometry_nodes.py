@@ -187,16 +187,18 @@ def node_group(
 ):
     """Return the node group of a name: the file's own if this build made it, renamed or not, else a new one.
 
-    A group that another version of the add-on made keeps its users, under another name.
+    A group that another version of the add-on made, or that has lost a group in it, keeps its users, under
+    another name.
 
     inputs: label → (socket type without "NodeSocket", default or None, description). outputs: label →
     socket type. build: (nodes, given values by label) → values by output label. modifier: whether the group
     is offered as a modifier.
     """
     existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and is_current(existing):
+    if existing and existing.bl_idname == "GeometryNodeTree" and is_current(existing) and is_whole(existing):
         return existing
-    renamed = next((group for group in bpy.data.node_groups if _was_called(group, name)), None)
+    called_so = (group for group in bpy.data.node_groups if _was_called(group, name))
+    renamed = next((group for group in called_so if is_whole(group)), None)
     if renamed is not None:
         return renamed
     if existing:
@@ -243,6 +245,12 @@ def defines_group(name: str, inputs: dict, outputs: dict, modifier: bool = False
 def is_current(group) -> bool:
     """Return whether this build made a node group; not None."""
     return group is not None and group.get(BUILD_KEY) == BUILD
+
+
+def is_whole(group) -> bool:
+    """Return whether no group within a node group has been deleted."""
+    inner = (node.node_tree for node in group.nodes if node.type == "GROUP")
+    return all(tree is not None and is_whole(tree) for tree in set(inner))
 
 
 def _was_called(group, name: str) -> bool:

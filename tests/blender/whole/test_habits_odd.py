@@ -333,3 +333,43 @@ def test_a_preview_that_a_viewport_shows_in_a_blender_without_windows(addon, cam
     assert (
         not data.previews() and not space.use_local_camera and len(bpy.context.window.screen.areas) == count
     )
+
+
+@pytest.mark.parametrize("way", ["cycles_rig", "preview_toggle"])
+def test_a_second_camera_does_without_a_node_group_that_the_artist_has_deleted(way):
+    """The groups of the first one in another scene lack it, at whatever depth."""
+
+    def add():
+        bpy.ops.mesh.primitive_cube_add(location=(0, 0, -3))
+        assert bpy.ops.scfpf.camera_add(preset="perspective") == {"FINISHED"}
+        return bpy.context.object
+
+    add()
+    assert getattr(bpy.ops.scfpf, way)() == {"FINISHED"}
+    groups = {group.name for group in bpy.data.node_groups}
+    inner = {n.node_tree.name for g in bpy.data.node_groups for n in g.nodes if n.type == "GROUP"}
+    for name in sorted(groups & inner)[::4]:
+        bpy.context.window.scene = bpy.data.scenes.new("Next")
+        camera = add()
+        bpy.data.node_groups.remove(bpy.data.node_groups[name])
+        assert getattr(bpy.ops.scfpf, way)() == {"FINISHED"}, name
+        made = [each for each in bpy.context.scene.objects if each.modifiers and each != camera]
+        lost = [n for m in made for g in within(m.modifiers[-1].node_group) for n in g.nodes if is_lost(n)]
+        assert made and not lost, name
+
+
+def within(group):
+    """A node group and those in it."""
+    return [
+        group,
+        *(
+            g
+            for node in group.nodes
+            if node.type == "GROUP" and node.node_tree
+            for g in within(node.node_tree)
+        ),
+    ]
+
+
+def is_lost(node):
+    return node.type == "GROUP" and node.node_tree is None
