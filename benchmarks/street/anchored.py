@@ -39,9 +39,9 @@ WIDTH = 640
 # Wider than high by so much, if a preset is no square one.
 WIDE = {"around_the_car": 3.0}
 SAMPLES = 4
-# Beside the rig: hits of a pixel, samples of Cycles through the rig, and what is off. Colours that differ by
-# more than EDGE are those of an edge.
-HITS, RIG_SAMPLES, OFF, EDGE = 16, 64, 0.1, 0.1
+# Beside the rig: hits of a pixel, samples of the renders and of Cycles through the rig, and what is off. Colours
+# that differ by more than EDGE are those of an edge.
+HITS, RENDER_SAMPLES, RIG_SAMPLES, OFF, EDGE = 16, 64, 256, 0.1, 0.1
 # The bars: a second of two cores.
 MOST_HOLES, LEAST_WITHIN, MOST_SECONDS = 5e-4, 0.995, 2.0
 
@@ -69,9 +69,11 @@ def shot(scene, path: Path, width: int):
 
 def geometry(depsgraph):
     """What the street has that cameras see."""
-    there = room("bridge.scene.read_scene").read_scene(depsgraph).geometry
+    read = room("bridge.scene.read_scene").read_scene(depsgraph)
+    there, names = read.geometry, read.material_names
     scene = room("casting.scene.cast_scene").CastScene(there.vertices, there.triangles)
-    return room("anchors.seen_scene").SeenScene(scene)
+    directional = room("engines.directional").directional(names, there.material)
+    return room("anchors.seen_scene").SeenScene(scene, directional=directional)
 
 
 def positions(views) -> list[np.ndarray]:
@@ -93,11 +95,7 @@ def looked_up(seen, projection, size, views) -> tuple[float, float, float]:
     tiles, joining = room("casting.tiles"), room("anchors.join")
     shown, own = room("anchors.shown_points").shown_points, room("anchors.anchor_view").ViewSet
     width, height = size
-    every, angle, pictures = (
-        own(tuple(range(len(views)))),
-        room("anchors.plan").PlanLimits().angle,
-        positions(views),
-    )
+    every, pictures = own(tuple(range(len(views)))), positions(views)
     points = {}
 
     def cast(job):
@@ -107,7 +105,7 @@ def looked_up(seen, projection, size, views) -> tuple[float, float, float]:
         return found.take(np.flatnonzero(found.is_hit))
 
     def join(job):
-        return joining.join(points[job.rows.start], views, [every], pictures, angle)
+        return joining.join(points[job.rows.start], views, [every], pictures)
 
     bands = tiles.image_tiles(width, height)
     tiles.run_tiles(cast, bands, 0, lambda rows, found: points.update({rows.start: found}))
@@ -173,7 +171,7 @@ def beside_rig(scene, camera) -> list[str]:
 
     cycles, scene.render.engine = scene.cycles, "CYCLES"
     cycles.use_denoising = cycles.use_adaptive_sampling = False
-    cycles.max_bounces, cycles.samples, camera.scfpf.samples = 0, HITS, HITS
+    cycles.max_bounces, cycles.samples, camera.scfpf.samples = 0, RENDER_SAMPLES, HITS
     # Pixels are boxes in both.
     cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
     scene.scfpf_sampling.pixel_filter, scene.render.filter_size = "BOX", 1.0

@@ -29,8 +29,8 @@ MOST_COLUMNS = 1280
 ROUNDS, ENOUGH = 3, 4e-4
 # A further anchor adds this share of all points at least, and so many points.
 LEAST_GAIN, LEAST_POINTS = 2e-5, 2
-# Further anchors, at most, their pixels along a side of the image's, and their angle to projectors, radians.
-MOST, TEXELS, ANGLE = 32, 2.25, float(np.radians(70.0))
+# Further anchors, at most, how much finer their pixels are, and their angle to projectors, radians.
+MOST, FINER, WIDE_ANGLE = 32, 1.5, float(np.radians(70.0))
 # Groups of points that further anchors are made for are halved so often.
 HALVINGS = 5
 # Near cameras stand so many radii of a group away.
@@ -68,20 +68,22 @@ def completed(
     """
     limits, views = limits or PlanLimits(), list(views)
     own = own or ViewSet(tuple(range(len(views))))
-    left, count, own = looked_through(scene, projection, size, views, own, limits, threads)
-    nearer = replace(limits, angle=ANGLE, texels=TEXELS, most=MOST)
+    left, count, own = looked_through(scene, projection, size, views, own, threads)
+    nearer = replace(limits, finer=FINER, most=MOST)
     least = max(LEAST_GAIN * count, LEAST_POINTS)
     added: list[Anchor] = []
     for _ in range(ROUNDS):
         if len(left.number) <= ENOUGH * count:
             break
-        found = Cover([scene], size, nearer).chosen(added, left, _cameras(left), ENOUGH * count, least)
+        from_beside = left._replace(angle=np.full(len(left.number), WIDE_ANGLE))
+        cameras = _cameras(left)
+        found = Cover([scene], size, nearer).chosen(added, from_beside, cameras, ENOUGH * count, least)
         new = traced_views(scene, found[len(added) :], threads)
         if not new:
             break
         numbers = range(len(views), len(views) + len(new))
         added, views, own = found, [*views, *new], replace(own, rest=(*own.rest, *numbers))
-        left = left.take(np.flatnonzero(find_texels(left, new, limits.angle).is_hole))
+        left = left.take(np.flatnonzero(find_texels(left, new).is_hole))
     return CompletedSet(views, own, tuple(added), 1.0 - len(left.number) / max(count, 1), count)
 
 
@@ -91,7 +93,6 @@ def looked_through(
     size: tuple[int, int],
     views: Sequence[AnchorView],
     own: ViewSet,
-    limits: PlanLimits,
     threads: int = 0,
 ) -> tuple[ShownPoints, int, ViewSet]:
     """Look up all pixels of an image in a set of anchors.
@@ -112,7 +113,7 @@ def looked_through(
         points = shown_points(scene, projection, x, y, pixel_size)
         points = points.take(np.flatnonzero(points.is_hit))
         left, used = np.arange(len(points.number)), []
-        for shares, which, numbers in asked(points, views, own, limits.angle):
+        for shares, which, numbers in asked(points, views, own):
             left = which[shares.is_hole]
             used += np.asarray(numbers)[shares.used(len(numbers))].tolist()
         return points.take(left), len(points.number), used

@@ -144,7 +144,7 @@ class DepthFaces:
     ) -> ShownPoints:
         """The points on things or on these faces, whichever are first. See the function ``shown_points``."""
         hits = self.scene.first_hits(projection, x, y, pixel_size, pixel_error)
-        points = points_of(self.scene.scene, projection, hits, x, y, pixel_size)
+        points = points_of(self.scene, projection, hits, x, y, pixel_size)
         which, own = self._first_faces(projection, hits, x, y, pixel_size, pixel_error)
         at = np.searchsorted(points.number, which)
         for whole, part in zip(points, own, strict=True):
@@ -161,14 +161,15 @@ class DepthFaces:
         pixel_error: float,
     ) -> tuple[IndexArray, ShownPoints]:
         """The numbers (n,) of projectors that meet a face that counts before they hit a thing, and where."""
-        found = SeenScene(self.faces).first_hits(projection, x, y, pixel_size, pixel_error)
+        seen = SeenScene(self.faces)
+        found = seen.first_hits(projection, x, y, pixel_size, pixel_error)
         inside = projection.transformed(self.faces.matrix)
         tile = TileProjectors(self.faces, inside, x, y, found.mask, pixel_size, pixel_error)
 
         def points_at(which: IndexArray) -> ShownPoints:
             """The points on faces that projectors ``which`` (n,) have met last."""
             own = projection.subset(which)
-            return points_of(self.faces, own, found.take(which), x[which], y[which], pixel_size)
+            return points_of(seen, own, found.take(which), x[which], y[which], pixel_size)
 
         counts = np.zeros(len(x), bool)
         left = np.flatnonzero(hits.mask & (found.triangle >= 0) & (found.t < hits.t))
@@ -213,13 +214,12 @@ class DepthFaces:
         points: ShownPoints,
         sets: Sequence[ViewSet],
         pictures: Sequence[Single],
-        angle: float,
     ) -> tuple[Single, BoolArray]:
         """The colours (N, C) of points on things and faces, and which no anchor shows, (N,). See ``join``.
 
         Things that anchors show only with something in front of them have the colours of that.
         """
-        color, lacks = join(points, self.views, sets, pictures, angle)
+        color, lacks = join(points, self.views, sets, pictures)
         which = np.flatnonzero(lacks)
         if not len(which):
             return color, lacks
@@ -230,5 +230,5 @@ class DepthFaces:
             color[which[own]] = pictures[number].reshape(-1, color.shape[1]).take(pixels[own], 0)
         which = which[numbers < 0]
         lacks[:] = False
-        color[which], lacks[which] = join(points.take(which), self.traced, sets, pictures, angle)
+        color[which], lacks[which] = join(points.take(which), self.traced, sets, pictures)
         return color, lacks

@@ -64,13 +64,15 @@ def image_parts(
     scene: CastScene,
     shown: BoolArray | None,
     one_sided: BoolArray | None,
+    directional: BoolArray | None,
     numbers: NDArray[np.uint8] | None,
     projection: Projection,
 ) -> list[ImagePart]:
     """The parts of an image, the rest first; [] if cameras see no triangle.
 
-    scene: of all T triangles. shown: (T,), those that cameras see, None for all. one_sided: see
-    ``SeenScene``. numbers: (T,), of their layers, None for 0. projection: with its layers, in world space.
+    scene: of all T triangles. shown: (T,), those that cameras see, None for all. one_sided,
+    directional: see ``SeenScene``. numbers: (T,), of their layers, None for 0. projection: with its layers,
+    in world space.
     """
     shown = np.ones(len(scene.usable), bool) if shown is None else shown
     numbers = np.zeros(len(scene.usable), np.uint8) if numbers is None else numbers
@@ -78,7 +80,8 @@ def image_parts(
         return []
     rest = scene.only(shown & (numbers == 0))
     alone = replace(projection, layers=())
-    parts = [ImagePart(0, SeenScene(rest or scene, one_sided, is_empty=rest is None), alone)]
+    seen = SeenScene(rest or scene, one_sided, is_empty=rest is None, directional=directional)
+    parts = [ImagePart(0, seen, alone)]
     for number, layer in enumerate(projection.layers, 1):
         own = shown & (numbers == number) & scene.usable
         if not own.any():
@@ -93,7 +96,7 @@ def image_parts(
             halo = Halo(layer.transformed(scene.matrix), Box.around(scene.points_of(own)), numbers == number)
         part = scene.only(kept)
         assert part is not None
-        seen = SeenScene(part, one_sided, halo=halo)
+        seen = SeenScene(part, one_sided, halo=halo, directional=directional)
         bounds = LayerBounds(layer, box, hull)
         parts.append(ImagePart(number, seen, layer.projection, bounds))
     return parts

@@ -76,10 +76,10 @@ class TexelShares:
         return total
 
 
-def find_texels(points: ShownPoints, views: Sequence[AnchorView], angle: float) -> TexelShares:
+def find_texels(points: ShownPoints, views: Sequence[AnchorView]) -> TexelShares:
     """Find the pixels of anchors that show points (N,), all of them on things.
 
-    views: at most MOST_ANCHORS. angle: radians, from which on an anchor counts least.
+    views: at most MOST_ANCHORS.
     """
     assert len(views) <= MOST_ANCHORS
     search = _Search(points, views)
@@ -89,27 +89,27 @@ def find_texels(points: ShownPoints, views: Sequence[AnchorView], angle: float) 
         own = points if len(left) == len(points.number) else points.take(left)
         ranks = ranked(own, views, after, PLACES)
         for rank in ranks:
-            is_open = search.is_open(left, rank, angle)
+            is_open = search.is_open(left, rank)
             search.ask(left[is_open], rank[is_open], beside=False)
         after = ranks[-1]
-        goes_on = search.is_open(left, after, angle)
+        goes_on = search.is_open(left, after)
         left, after = left[goes_on], after[goes_on]
     left = np.flatnonzero(search.taken == 0)
     if len(left) and views:
         for rank in ranked(points.take(left), views, np.zeros(len(left), np.uint32), PLACES):
             is_asked = (rank != NO_RANK) & (search.taken[left] == 0)
             search.ask(left[is_asked], rank[is_asked], beside=True)
-    return search.weighed(angle)
+    return search.weighed()
 
 
 def asked(
-    points: ShownPoints, views: Sequence[AnchorView], own: ViewSet, angle: float
+    points: ShownPoints, views: Sequence[AnchorView], own: ViewSet
 ) -> Iterator[tuple[TexelShares, IndexArray, tuple[int, ...]]]:
     """Yield the pixels of a set's anchors, the numbers (n,) of the points, and those of the anchors asked."""
     which = np.arange(len(points.number))
     for numbers in (own.first, own.rest):
         if numbers and len(which):
-            found = find_texels(points.take(which), [views[number] for number in numbers], angle)
+            found = find_texels(points.take(which), [views[number] for number in numbers])
             yield found, which, numbers
             which = which[found.is_hole]
 
@@ -119,17 +119,16 @@ def join(
     views: Sequence[AnchorView],
     sets: Sequence[ViewSet],
     pictures: Sequence[Single],
-    angle: float,
 ) -> tuple[Single, BoolArray]:
     """The colours (N, C) of points that are on things, and which no anchor shows, (N,).
 
-    sets: of the views. pictures: (H, W, C) of each view. angle: as for ``find_texels``.
+    sets: of the views. pictures: (H, W, C) of each view.
     """
     count = len(points.number)
     channels = pictures[0].shape[2] if pictures else 4
     total, weight = np.zeros((count, channels), np.float32), np.zeros(count, np.float32)
     for own in sets:
-        for found, which, numbers in asked(points, views, own, angle):
+        for found, which, numbers in asked(points, views, own):
             shown = which[~found.is_hole]
             total[which] += np.float32(own.share) * found.colors([pictures[number] for number in numbers])
             weight[shown] += np.float32(own.share)
@@ -151,6 +150,8 @@ class _Search:
         )
         self._penalty = np.full((PLACES, count), np.inf, np.float32)
         self.taken = np.zeros(count, np.intp)
+        # From which on an anchor counts least.
+        self._angle = points.angle.astype(np.float32)
 
     def ask(self, which: IndexArray, ranks: Ranks, beside: bool) -> None:
         """Ask the anchors of ranks (n,) for points ``which`` (n,). beside: as for ``texels``."""
@@ -173,26 +174,26 @@ class _Search:
         self._penalty[place, at] = penalties
         self.taken[at] += 1
 
-    def is_open(self, which: IndexArray, ranks: Ranks, angle: float) -> BoolArray:
+    def is_open(self, which: IndexArray, ranks: Ranks) -> BoolArray:
         """Return whether anchors of ranks (n,), or after them, may have a weight for points (n,)."""
         # Infinite as long as none is found, and NO_RANK is not below.
-        bound = np.maximum(2.0 * self._penalty[0, which], np.float32(angle))
+        bound = np.maximum(2.0 * self._penalty[0, which], self._angle[which])
         still: BoolArray = (self.taken[which] < PLACES) & (penalties_of(ranks) < bound)
         return still
 
-    def _bound(self, angle: float) -> Single:
+    def _bound(self) -> Single:
         """The penalties at which weights are 0, (N,)."""
         bound = np.minimum(
-            self._penalty[SHARERS], np.maximum(np.float32(2.0) * self._penalty[0], np.float32(angle))
+            self._penalty[SHARERS], np.maximum(np.float32(2.0) * self._penalty[0], self._angle)
         )
         least: Single = np.maximum(bound, np.float32(LEAST_BOUND))
         return least
 
-    def weighed(self, angle: float) -> TexelShares:
+    def weighed(self) -> TexelShares:
         """The pixels found, with the weights of their anchors."""
         found = self._found
         with np.errstate(invalid="ignore"):
-            weight = np.maximum(1.0 - self._penalty / self._bound(angle), np.float32(0.0))
+            weight = np.maximum(1.0 - self._penalty / self._bound(), np.float32(0.0))
         weight[0] = np.maximum(weight[0], np.float32(LEAST_WEIGHT))
         weight[found.number < 0] = 0.0
         weight[SHARERS] = 0.0

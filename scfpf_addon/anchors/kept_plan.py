@@ -99,15 +99,16 @@ def digest(
     arrays: Sequence[NDArray[Any] | None],
     projection: Projection,
     size: tuple[int, int],
+    texels: float,
 ) -> str:
     """The digest of what a plan depends on: triangles, projectors, also of layers, and the size in pixels.
 
-    arrays: (T,) each, of the triangles, such as which of them are seen.
+    arrays: (T,) each, of the triangles, such as which of them are seen. texels: see ``PlanLimits``.
     """
     place = np.linspace(0.0, 1.0, PLACES)
     x, y = (grid.ravel() for grid in np.meshgrid(place, place))
     halos = [(layer.halo, layer.feather) for layer in projection.layers]
-    found = blake2b(repr((size, halos)).encode(), digest_size=16)
+    found = blake2b(repr((size, texels, halos)).encode(), digest_size=16)
     for number, array in enumerate((vertices, triangles, *arrays)):
         if array is not None:
             found.update(bytes([number]))

@@ -21,6 +21,8 @@ from .anchor import Anchor, Window
 from .seen_scene import SeenScene
 from .shown_points import ShownPoints, joined_points, shown_points
 
+# An anchor's pixels along a side of the image's pixel, at least and at most, and as a share of its hits'.
+FEWEST_TEXELS, MOST_TEXELS, TEXELS_OF_A_HIT = 1.5, 3.0, 0.75
 # Image positions along the longer side that the first round looks at, and those of the second one.
 COLUMNS, MORE_COLUMNS = 64, 160
 # The first and last positions are so far inside the image.
@@ -43,8 +45,8 @@ WISHES = 0.1
 COARSEST = 1.25
 # The least cosine between an anchor's ray and a normal, and as a share of the projector's own.
 LEAST_COSINE, SHARE_OF_COSINE = 0.05, 0.4
-# An anchor costs as much as this share of the image's pixels, besides its own pixels.
-FIXED_COST = 1.5
+# An anchor costs as much as this share of the image with pixels of anchors' size, besides its own pixels.
+FIXED_COST = 0.67
 # An anchor that adds less than this share of the points is not worth a render.
 LEAST_GAIN = 2e-4
 # An anchor of frames before that adds less than this share of the points is not rendered on.
@@ -63,17 +65,27 @@ MOST_SIDE = 8192
 class PlanLimits:
     """The limits that a plan of anchors keeps.
 
-    angle: the largest one between an anchor's ray and the projector, radians. texels: an anchor's pixels
-    along a side of the image's pixel. most: the number of anchors. pixels: those of all anchors, as a
-    multiple of the image's, for they are kept until they are joined. coverage: the share of points after
-    which no further one is added.
+    texels: an anchor's pixels along a side of the image's pixel. finer: how many times as many near anchors
+    have. most: the number of anchors. pixels: those of all anchors, as a multiple of the image with pixels by
+    ``texels``: they are kept until they are joined. largest: those of one. coverage: the share of points
+    after which no further one is added.
     """
 
-    angle: float = float(np.radians(20.0))
-    texels: float = 1.5
-    most: int = 64
-    pixels: float = 32.0
+    texels: float = FEWEST_TEXELS
+    finer: float = 1.0
+    most: int = 96
+    pixels: float = 14.0
+    largest: float = 1.8
     coverage: float = 0.9995
+
+    @classmethod
+    def of_samples(cls, samples: int) -> PlanLimits:
+        """The limits for an image with so many hits a pixel.
+
+        Finer pixels than these hits are apart would not be seen, coarser ones blur and fray what is drawn on
+        surfaces.
+        """
+        return cls(texels=float(np.clip(TEXELS_OF_A_HIT * np.sqrt(samples), FEWEST_TEXELS, MOST_TEXELS)))
 
 
 @dataclass(frozen=True)
@@ -293,7 +305,7 @@ def _framed(
     scale = 1.0 if is_parallel else depth
     low, high = ((turned[:2] / scale).min(axis=1), (turned[:2] / scale).max(axis=1))
     low, high = low - GROWN * (high - low), high + GROWN * (high - low)
-    wished = points.length / scale / limits.texels
+    wished = points.length / scale / (limits.texels * limits.finer)
     wished = wished[wished > 0.0]
     if not len(wished):
         return None
@@ -322,7 +334,7 @@ def serves(anchor: Anchor, points: ShownPoints, limits: PlanLimits) -> BoolArray
     seen = anchor.holds(places)
     seen &= anchor.lengths(places.depth) <= COARSEST * points.length
     ray = anchor.directions(points.position)
-    seen &= np.einsum("cn,cn->n", ray, points.direction) >= np.cos(limits.angle)
+    seen &= np.einsum("cn,cn->n", ray, points.direction) >= np.cos(points.angle)
     own = -np.einsum("cn,cn->n", points.normal, points.direction)
     least = np.maximum(SHARE_OF_COSINE * own, LEAST_COSINE)
     # What projectors graze is seen as well as they see it.
@@ -357,6 +369,8 @@ class Cover:
 
     def __init__(self, scenes: Sequence[SeenScene], size: tuple[int, int], limits: PlanLimits) -> None:
         self._scenes, self._size, self._limits = scenes, size, limits
+        # The image in pixels of the anchors' size: costs and limits are shares of it.
+        self._whole_image = size[0] * size[1] * limits.texels**2
         self._whole = np.concatenate([scene.whole for scene in scenes])
 
     def serving(self, anchors: Sequence[Anchor], points: ShownPoints) -> list[Anchor]:
@@ -414,7 +428,7 @@ class Cover:
                 break
             candidates.remove(best)
             made = sum(anchor.count for anchor in chosen)
-            if made + best.anchor.count > self._limits.pixels * self._size[0] * self._size[1]:
+            if made + best.anchor.count > self._limits.pixels * self._whole_image:
                 continue
             trimmed = self._trimmed(best, points, gain)
             chosen.append(trimmed)
@@ -423,7 +437,7 @@ class Cover:
 
     def _best(self, candidates: list[_Candidate], left: BoolArray, points: ShownPoints) -> _Candidate:
         """The candidate that adds most for its cost. What hides points is looked up for those in front."""
-        costs = np.array([FIXED_COST + c.anchor.count / (self._size[0] * self._size[1]) for c in candidates])
+        costs = np.array([FIXED_COST + c.anchor.count / self._whole_image for c in candidates])
         gains = np.array([np.count_nonzero(c.sees & left) for c in candidates]) / costs
         while True:
             first = int(gains.argmax())
@@ -470,7 +484,7 @@ class Cover:
             if not near or (not is_parallel and np.abs(turned[:2] / depth).max() > WIDEST):
                 continue
             anchor = self._framed(matrix, own, is_parallel)
-            if anchor is None or anchor.count > 4 * self._size[0] * self._size[1]:
+            if anchor is None or anchor.count > self._limits.largest * self._whole_image:
                 continue
             sees = serves(anchor, points, self._limits)
             if sees.any():

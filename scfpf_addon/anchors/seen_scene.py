@@ -54,6 +54,7 @@ class SeenScene:
     one_sided: (T,), the faces that are seen from the front only; None if all are seen from both sides.
     is_empty: whether nothing of the scene is seen. halo: of a layer, whose projectors pass what is beyond it.
     bare: the scene without stand-ins for what has no faces; None if it has none. whole: see ``StandIns``.
+    directional: (T,), the faces whose look changes with the direction in which they are seen; None for none.
     """
 
     scene: CastScene
@@ -62,6 +63,7 @@ class SeenScene:
     halo: Halo | None = None
     bare: SeenScene | None = None
     whole: Array = field(default_factory=lambda: NO_BOXES)
+    directional: BoolArray | None = None
 
     def with_stand_ins(self, faces: StandIns | None) -> SeenScene:
         """The scene and faces, whose numbers come after its own, that stand for what has none."""
@@ -74,8 +76,11 @@ class SeenScene:
         usable = np.concatenate([shown, np.ones(count, bool)])
         whole = CastScene(np.concatenate([vertices, faces.vertices]), triangles).only(usable)
         assert whole is not None
-        one_sided = None if self.one_sided is None else np.append(self.one_sided, np.zeros(count, bool))
-        return SeenScene(whole, one_sided, bare=self, whole=faces.whole)
+        one_sided, directional = (
+            None if of_faces is None else np.append(of_faces, np.zeros(count, bool))
+            for of_faces in (self.one_sided, self.directional)
+        )
+        return SeenScene(whole, one_sided, bare=self, whole=faces.whole, directional=directional)
 
     @cached_property
     def two_sided(self) -> CastScene | None:

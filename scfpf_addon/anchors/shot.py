@@ -84,17 +84,20 @@ class Shot:
         looked_at: Sequence[LookedAt],
         size: tuple[int, int],
         axes: Array,
+        limits: PlanLimits | None = None,
         kept: KeptPlan | None = None,
         threads: int = 0,
     ) -> None:
         """Plan a chunk, the first one that ``missing`` names.
 
-        looked_at: its ``frames``. size, axes: as for ``plan_anchors``. kept: a plan, taken if it was made for
-        all that is looked at. Raises CastError and Cancelled.
+        looked_at: its ``frames``. size, axes, limits: as for ``plan_anchors``. kept: a plan, taken if it was
+        made for all that is looked at. Raises CastError and Cancelled.
         """
         different = {each.made_for: each for each in looked_at}
         made_for = tuple(different)
-        self._sets[chunk] = self._planned(chunk, [*different.values()], size, axes, kept, threads)
+        self._sets[chunk] = self._planned(
+            chunk, [*different.values()], size, axes, limits or PlanLimits(), kept, threads
+        )
         self._made_for[chunk] = made_for
 
     def _planned(
@@ -103,6 +106,7 @@ class Shot:
         looked_at: list[LookedAt],
         size: tuple[int, int],
         axes: Array,
+        limits: PlanLimits,
         kept: KeptPlan | None,
         threads: int,
     ) -> AnchorSet | None:
@@ -124,12 +128,17 @@ class Shot:
         beside = [self._sets[other] for other in known] if chunk % 2 else []
         anchors = {id(each): each for own in beside if own is not None for each in own.anchors}
         plan = plan_anchors(
-            scenes, projections, size, axes, None, [*anchors.values()], things_only=self._layer > 0
+            scenes, projections, size, axes, limits, [*anchors.values()], things_only=self._layer > 0
         )
-        return self._with_rest([*plan.anchors], looked_at, size, threads)
+        return self._with_rest([*plan.anchors], looked_at, size, limits, threads)
 
     def _with_rest(
-        self, anchors: list[Anchor], looked_at: Sequence[LookedAt], size: tuple[int, int], threads: int
+        self,
+        anchors: list[Anchor],
+        looked_at: Sequence[LookedAt],
+        size: tuple[int, int],
+        limits: PlanLimits,
+        threads: int,
     ) -> AnchorSet:
         """The set of anchors, with further ones for all pixels of the frames looked at."""
         rest: list[Anchor] = []
@@ -137,7 +146,7 @@ class Shot:
             views = traced_views(each.scene, [*anchors, *rest], threads)
             numbers = range(len(views))
             own = ViewSet(tuple(numbers[: len(anchors)]), tuple(numbers[len(anchors) :]))
-            done = completed(each.scene, each.projection, size, views, own, threads=threads)
+            done = completed(each.scene, each.projection, size, views, own, limits, threads)
             rest += done.added
         return AnchorSet(anchors, rest)
 
@@ -198,6 +207,7 @@ class LayeredShot:
         looked_at: Sequence[Mapping[int, LookedAt]],
         size: tuple[int, int],
         axes: Array,
+        limits: PlanLimits | None = None,
         kept: KeptPlan | None = None,
         threads: int = 0,
     ) -> None:
@@ -205,7 +215,7 @@ class LayeredShot:
         for number in sorted({number for each in looked_at for number in each}):
             shot = self._shots.setdefault(number, Shot(*self._frames, number))
             there = [each[number] for each in looked_at if number in each]
-            shot.plan(chunk, there, size, axes, kept, threads)
+            shot.plan(chunk, there, size, axes, limits, kept, threads)
 
     def sets(self, frame: int, number: int) -> list[AnchorSet]:
         """The sets of anchors of a layer, or of the rest for 0; see ``Shot.sets``."""
@@ -217,6 +227,7 @@ def completed_sets(
     projection: Projection,
     size: tuple[int, int],
     sets: Sequence[AnchorSet],
+    limits: PlanLimits | None = None,
     threads: int = 0,
 ) -> tuple[list[AnchorView], list[ViewSet]]:
     """Trace the anchors of a frame's sets, add what the last set lacks, and leave out what shows nothing.
@@ -231,7 +242,6 @@ def completed_sets(
         for parts in ([each.anchors for each in sets], [each.rest for each in sets])
     )
     of_views = [ViewSet(*each) for each in zip(first, rest, (own.share for own in sets), strict=True)]
-    limits = PlanLimits()
-    faded = [looked_through(scene, projection, size, views, own, limits, threads)[2] for own in of_views[:-1]]
+    faded = [looked_through(scene, projection, size, views, own, threads)[2] for own in of_views[:-1]]
     done = completed(scene, projection, size, views, of_views[-1], limits, threads)
     return without_unused(done.views, [*faded, done.own])

@@ -10,10 +10,13 @@ import numpy as np
 
 from ..casting.common.hits import Hits
 from ..casting.curves.sampled_curves import MOST_SQUEEZE, across, pixel_widths
-from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.viewing_volume import Projection, image_derivatives
 from .seen_scene import SeenScene
+
+# The largest angle between an anchor's ray and the projector, and that of what changes with the direction in
+# which it is seen, as gloss does, radians.
+ANGLE, DIRECTIONAL_ANGLE = float(np.radians(20.0)), float(np.radians(10.0))
 
 
 class ShownPoints(NamedTuple):
@@ -24,7 +27,8 @@ class ShownPoints(NamedTuple):
     which projectors arrive. normal: (3, N) unit, of the side that is seen, 0 where nothing is met. length:
     (N,), the side of the image's pixel there, in world units. triangle: (N,) int, -1 where nothing is met.
     place: (2, N), the image positions, in [0, 1]. t: (N,), of their projectors, inf where nothing is met.
-    number: (N,), of the image position. frame: (N,), of the picture, of several.
+    number: (N,), of the image position. frame: (N,), of the picture, of several. angle: (N,), radians, the
+    largest one between an anchor's ray and the projector.
     """
 
     position: Array
@@ -37,6 +41,7 @@ class ShownPoints(NamedTuple):
     t: Array
     number: IndexArray
     frame: IndexArray
+    angle: Array
 
     @property
     def is_hit(self) -> BoolArray:
@@ -72,11 +77,11 @@ def shown_points(
     projection: in world space. pixel_size, pixel_error: as for ``cast``. Raises CastError.
     """
     hits = seen.first_hits(projection, x, y, pixel_size, pixel_error)
-    return points_of(seen.scene, projection, hits, x, y, pixel_size)
+    return points_of(seen, projection, hits, x, y, pixel_size)
 
 
 def points_of(
-    scene: CastScene,
+    seen: SeenScene,
     projection: Projection,
     hits: Hits,
     x: Array,
@@ -84,7 +89,7 @@ def points_of(
     pixel_size: tuple[float, float],
 ) -> ShownPoints:
     """The points that hits (N,) of a scene show at image positions x, y (N,). See ``shown_points``."""
-    kept = np.flatnonzero(hits.mask)
+    scene, kept = seen.scene, np.flatnonzero(hits.mask)
     t, triangle = hits.t.take(kept), hits.triangle.take(kept).astype(np.int64)
     is_hit = triangle >= 0
     position = hits.position.take(kept, 1) / scene.scale + scene.centre[:, None]
@@ -99,7 +104,10 @@ def points_of(
     first = projection.volume.spans.weights(np.zeros(1))[0][:, 0]
     begin = np.einsum("k,kcn->cn", first, projection.projectors(*place).points)
     frame = np.zeros(len(kept), np.intp)
-    return ShownPoints(position, begin, direction, normal, length, triangle, place, t, kept, frame)
+    angle = np.full(len(kept), ANGLE)
+    if seen.directional is not None:
+        angle[is_hit] = np.where(seen.directional[triangle[is_hit]], DIRECTIONAL_ANGLE, ANGLE)
+    return ShownPoints(position, begin, direction, normal, length, triangle, place, t, kept, frame, angle)
 
 
 def _lengths(

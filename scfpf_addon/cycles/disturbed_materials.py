@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import bpy
 
+from ..bridge.blender.shader_nodes import has_node
 from .seen_data import seen_data
 
 # Outputs that depend on the camera's position, or on the ray's history.
@@ -78,18 +79,7 @@ def _first(
         found |= {
             each
             for each in (each for kind in owners for each in kind)
-            if each.node_tree is not None and _has(each.node_tree, wanted, known)
+            if each.node_tree is not None and has_node(each.node_tree, wanted, known)
         }
     found -= own
     return min((each.name for each in seen_data(settings.scene) & found), default="") if found else ""
-
-
-def _has(tree, is_meant: Callable[[bpy.types.Node], bool], known: dict[int, bool]) -> bool:
-    """Return whether a tree, or a group in it, has a node that is meant. known: results by its session id."""
-    key = tree.session_uid
-    if key not in known:
-        groups = [
-            node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree
-        ]
-        known[key] = any(map(is_meant, tree.nodes)) or any(_has(group, is_meant, known) for group in groups)
-    return known[key]

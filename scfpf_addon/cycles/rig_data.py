@@ -33,7 +33,7 @@ from ..scanline.generated_collection import (
     remove_replaced_groups,
     remove_unused_groups,
 )
-from ..scanline.nodes.geometry_nodes import is_current, is_whole
+from ..scanline.nodes.geometry_nodes import has_all_groups, is_current
 from ..scanline.table.table_object import release_pointers as release_table_pointers
 from ..scanline.table.table_object import table_group_of, table_object
 from . import aov_passes
@@ -328,7 +328,7 @@ def update_nodes(rig) -> None:
     modifier = settings.portals.modifiers[MODIFIER]
     before = modifier.node_group
     # The present group if it is current, whatever its name.
-    group = before if is_current(before) and is_whole(before) else portal_nodes.portal_group()
+    group = before if is_current(before) and has_all_groups(before) else portal_nodes.portal_group()
     if before != group:
         modifier.node_group = group
         if is_in_event():

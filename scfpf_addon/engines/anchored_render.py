@@ -14,7 +14,7 @@ from ..anchors.anchor_view import AnchorView
 from ..anchors.image_parts import ImagePart
 from ..anchors.join import join_sky
 from ..anchors.kept_plan import KeptPlan
-from ..anchors.plan import PlanLimits, sky_anchors, sky_points
+from ..anchors.plan import sky_anchors, sky_points
 from ..anchors.shot import LayeredShot
 from ..bridge.camera.stereo_views import Eye
 from ..bridge.tasks.background import AwaitedWork, in_background
@@ -114,7 +114,7 @@ class AnchoredRender:
         rest, shows_sky = plan.parts[0], not inputs.settings.transparent
         sky: list[Anchor] = []
         if shows_sky and not plan.is_one_eye:
-            sky = sky_anchors(rest.part.scene, rest.part.projection, size, picture.axes, PlanLimits())
+            sky = sky_anchors(rest.part.scene, rest.part.projection, size, picture.axes, picture.limits)
         self.total = plan.count + len(sky)
         for part, pictures, _faces in plan.parts:
             for view in pictures.views:
@@ -250,4 +250,4 @@ def lacking_sky(part: ImagePart, picture: ReadPicture, seen: Pictures) -> list[A
     points = sky_points(part.scene, part.projection, picture.size)
     if not len(points.number) or not join_sky(points, seen.views, seen.colors)[1].any():
         return []
-    return sky_anchors(part.scene, part.projection, picture.size, picture.axes, PlanLimits())
+    return sky_anchors(part.scene, part.projection, picture.size, picture.axes, picture.limits)

@@ -13,7 +13,6 @@ from ..anchors.anchor_view import AnchorView, ViewSet, traced_views
 from ..anchors.depth_faces import DepthFaces
 from ..anchors.image_parts import ImagePart
 from ..anchors.join import join, join_sky
-from ..anchors.plan import PlanLimits
 from ..anchors.shown_points import ShownPoints
 from ..bridge.render.render_inputs import RenderInputs
 from ..casting.tiles import TileJob, image_tiles, run_tiles
@@ -64,12 +63,12 @@ class JoinedPart(NamedTuple):
             return self.part.points(x, y, pixel_size, pixel_error)
         return self.faces.shown_points(self.part.projection, x, y, pixel_size, pixel_error)
 
-    def colors(self, points: ShownPoints, angle: float) -> tuple[Single, BoolArray]:
+    def colors(self, points: ShownPoints) -> tuple[Single, BoolArray]:
         """The colours (n, C) of some of these points, and which have none, (n,). See ``join``."""
         pictures = self.pictures
         if self.faces is None:
-            return join(points, pictures.views, pictures.sets, pictures.colors, angle)
-        return self.faces.colors(points, pictures.sets, pictures.colors, angle)
+            return join(points, pictures.views, pictures.sets, pictures.colors)
+        return self.faces.colors(points, pictures.sets, pictures.colors)
 
 
 def joined_pixels(
@@ -125,7 +124,7 @@ class _Joining:
     ) -> None:
         self._settings, self._layers = inputs.settings, inputs.projection.layers
         self._parts = [part.with_faces(inputs.settings.threads) for part in parts]
-        self._worlds, self._angle = worlds, PlanLimits().angle
+        self._worlds = worlds
         self._pixel_size = 1.0 / self._settings.width, 1.0 / self._settings.height
         pictures = [picture for each in parts for picture in each.pictures.colors]
         self._colors = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
@@ -141,7 +140,7 @@ class _Joining:
         left = np.ones(count, np.float32)
         for place, which in self._from_front(count, things):
             seen = things[place].take(which[left[things[place].number[which]] > LEAST_LEFT])
-            own, is_hole = self._parts[place].colors(seen, self._angle)
+            own, is_hole = self._parts[place].colors(seen)
             color[seen.number, : self._colors] += own * left[seen.number, None]
             if self._mist is not None:
                 part = self._parts[place].part

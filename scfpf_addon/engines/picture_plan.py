@@ -13,7 +13,7 @@ from ..anchors.anchor_view import ViewSet, traced_views, without_unused
 from ..anchors.completion import completed
 from ..anchors.image_parts import ImagePart, image_parts
 from ..anchors.kept_plan import KeptPlan, digest
-from ..anchors.plan import plan_anchors
+from ..anchors.plan import PlanLimits, plan_anchors
 from ..anchors.seen_scene import SeenScene
 from ..anchors.shot import LayeredShot, LookedAt, completed_sets
 from ..anchors.stand_ins import StandIns
@@ -32,6 +32,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.user_error import Message, UserError
 from .anchor_scene import AnchorScene
 from .backface_culling import one_sided
+from .directional import directional
 from .faceless import read_stand_ins
 from .joined_tiles import JoinedPart, Pictures
 
@@ -46,7 +47,8 @@ TRACED, COMPLETED = 0.4, 0.6
 class ReadPicture(NamedTuple):
     """What a plan is made from: arrays only.
 
-    inputs: of the picture. axes: (3, 3), right, up and back of its camera. one_sided: see ``SeenScene``.
+    inputs: of the picture. axes: (3, 3), right, up and back of its camera. one_sided, directional: see
+    ``SeenScene``.
     instancers: session ids of the objects that instance others, if the picture has layers. stand_ins: of what
     the rest shows that has no faces, None if nothing. eye_lens: of an eye of the camera's own view, the place
     (4, 4) of an ordinary camera that sees the same and what is added to its horizontal shift; else None.
@@ -55,6 +57,7 @@ class ReadPicture(NamedTuple):
     inputs: RenderInputs
     axes: Array
     one_sided: BoolArray | None
+    directional: BoolArray | None
     instancers: frozenset[int]
     stand_ins: StandIns | None = None
     eye_lens: tuple[Array, float] | None = None
@@ -65,12 +68,19 @@ class ReadPicture(NamedTuple):
         return self.inputs.settings.width, self.inputs.settings.height
 
     @property
+    def limits(self) -> PlanLimits:
+        """The limits that its plan keeps."""
+        return PlanLimits.of_samples(self.inputs.settings.samples)
+
+    @property
     def made_for(self) -> str:
         """The digest of what a plan depends on."""
         there = self.inputs.scene.geometry
         stands = self.stand_ins and self.stand_ins.vertices
-        arrays = visible_to(there.visibility, CAMERA), there.image_layer, self.one_sided, stands
-        return digest(there.vertices, there.triangles, arrays, self.inputs.projection, self.size)
+        of_faces = there.image_layer, self.one_sided, self.directional, stands
+        arrays = visible_to(there.visibility, CAMERA), *of_faces
+        asked = self.inputs.projection, self.size, self.limits.texels
+        return digest(there.vertices, there.triangles, arrays, *asked)
 
     @property
     def parts(self) -> list[ImagePart]:
@@ -79,7 +89,9 @@ class ReadPicture(NamedTuple):
         shown, found = visible_to(there.visibility, CAMERA), []
         if len(there.triangles):
             scene = CastScene(there.vertices, there.triangles)
-            found = image_parts(scene, shown, self.one_sided, there.image_layer, self.inputs.projection)
+            found = image_parts(
+                scene, shown, self.one_sided, self.directional, there.image_layer, self.inputs.projection
+            )
         if not found and self.stand_ins is not None:
             # The caster sees nothing; anchors are planned for the stand-ins alone.
             scene = SeenScene(CastScene(self.stand_ins.vertices, self.stand_ins.triangles), is_empty=True)
@@ -95,7 +107,7 @@ class ReadPicture(NamedTuple):
             (getattr(self.inputs.scene.geometry, name), getattr(other.inputs.scene.geometry, name))
             for name in SHAPE
         ]
-        pairs.append((self.one_sided, other.one_sided))
+        pairs += [(self.one_sided, other.one_sided), (self.directional, other.directional)]
         pairs.append(tuple(each.stand_ins and each.stand_ins.vertices for each in (self, other)))
         if self.inputs.projection.layers or other.inputs.projection.layers:
             return False
@@ -142,7 +154,8 @@ def read_picture(passing: AnchorScene, camera, frame: int | None = None, eye: Ey
 
     inputs, axes, rest = with_render_depsgraph(scene, scene.view_layers[0], read, with_time=True)
     names, material = inputs.scene.material_names, inputs.scene.geometry.material
-    return ReadPicture(inputs, axes, one_sided(scene, names, material), *rest)
+    of_faces = one_sided(scene, names, material), directional(names, material)
+    return ReadPicture(inputs, axes, *of_faces, *rest)
 
 
 def _eye_lens(camera, eye: Eye) -> tuple[Array, float] | None:
@@ -174,7 +187,7 @@ def plan_picture_steps(
 
         def plan(_task: Task[bool], chunk=chunk, looked_at=looked_at) -> bool:
             threads = picture.inputs.settings.threads
-            shot.plan(chunk, looked_at, picture.size, picture.axes, kept, threads)
+            shot.plan(chunk, looked_at, picture.size, picture.axes, picture.limits, kept, threads)
             return True
 
         yield from in_background(PLANNING, plan)
@@ -211,7 +224,9 @@ def _of_shot(
     threads, found = picture.inputs.settings.threads, PicturePlan([])
     for part in parts:
         if sets := shot.sets(frame, part.number):
-            views, own = completed_sets(part.scene, part.projection, picture.size, sets, threads)
+            views, own = completed_sets(
+                part.scene, part.projection, picture.size, sets, picture.limits, threads
+            )
             found.parts.append(JoinedPart(part, Pictures(views, own)))
             continue
         alone = _still(picture, kept, task, [part])
@@ -224,7 +239,7 @@ def _still(
     picture: ReadPicture, kept: KeptPlan | None, task: Task[PicturePlan], parts: list[ImagePart] | None = None
 ) -> PicturePlan:
     """The plan of a picture by itself. kept: a plan to be used if it fits. parts: of the picture."""
-    made_for, threads = picture.made_for, picture.inputs.settings.threads
+    made_for, limits, threads = picture.made_for, picture.limits, picture.inputs.settings.threads
     parts = picture.parts if parts is None else parts
     found = PicturePlan([])
     if kept is not None and kept.made_for == made_for:
@@ -236,11 +251,11 @@ def _still(
     anchors, numbers, shown, count = [], [], 0.0, 0
     for place, part in enumerate(parts):
         seen, size = (part.scene, part.projection), picture.size
-        plan = plan_anchors([seen[0]], [seen[1]], size, picture.axes, things_only=part.number > 0)
+        plan = plan_anchors([seen[0]], [seen[1]], size, picture.axes, limits, things_only=part.number > 0)
         task.progress = (place + TRACED) / len(parts)
         views = traced_views(part.scene, plan.anchors, threads)
         task.progress = (place + COMPLETED) / len(parts)
-        done = completed(*seen, size, views, threads=threads)
+        done = completed(*seen, size, views, limits=limits, threads=threads)
         # A still picture is the better for what was made for its smallest parts.
         views, sets = without_unused(done.views, [ViewSet((*done.own.first, *done.own.rest))])
         found.parts.append(JoinedPart(part, Pictures(views, sets)))

@@ -28,6 +28,8 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.projection.surfaces.surface import Cylinder, Plane, SphereSector
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
+from scfpf_addon.shading.sampling.pixel_filter import PixelFilter
+from scfpf_addon.shading.sampling.sample_positions import SamplePositions
 
 SIZE = (96, 54)
 PRESETS = Path(__file__).parents[2] / "presets"
@@ -118,7 +120,7 @@ def looked_up(scene, projection, size, views):
     x, y = pixel_centres(*size, (0, size[1]))
     points = shown_points(scene, projection, x, y, (1 / size[0], 1 / size[1]))
     points = points.take(np.flatnonzero(points.is_hit))
-    found = find_texels(points, views, PlanLimits().angle)
+    found = find_texels(points, views)
     off = found.colors(pictures_of(views)).T - points.position
     off -= points.direction * np.einsum("cn,cn->n", off, points.direction)
     shown = ~found.is_hole
@@ -212,7 +214,7 @@ def test_what_hides_a_point_is_not_taken_for_it():
     wall = points.take(np.flatnonzero(points.triangle == 0))
     anchor = Anchor(np.eye(4), Window(-1.2, -1.2, 1.2, 1.2), (300, 300), 0.1, 9.0)
     views = traced_views(scene, [anchor])
-    found = find_texels(wall, views, 1.5)
+    found = find_texels(wall._replace(angle=np.full(len(wall.number), 1.5)), views)
     hidden = found.is_hole & anchor.holds(anchor.places(wall.position))
     # By similar triangles the plate's shadow on the wall, seen from the origin, is 2.5 times the plate.
     a, b, c = (vertices[k, :2] * 2.5 for k in (3, 4, 5))
@@ -245,7 +247,7 @@ def test_near_planes_leave_out_what_hides_what_an_anchor_was_chosen_for():
     camera = camera_matrix(AXES, np.array([0.0, 0.0, 20.0])), False
     cameras = [(np.flatnonzero(depth > 25.3), camera)]
     anchors = Cover([scene], SIZE, PlanLimits()).chosen([], points, cameras, 0, 1)
-    found = find_texels(points.take(np.flatnonzero(depth > 25.06)), traced_views(scene, anchors), 0.3)
+    found = find_texels(points.take(np.flatnonzero(depth > 25.06)), traced_views(scene, anchors))
     assert len(anchors) == 1 and not found.is_hole.any()
 
 
@@ -286,3 +288,40 @@ def test_a_volume_that_is_a_single_projector_has_a_plan(width):
     scene = room()
     assert len(sky_anchors(scene, beam, SIZE, AXES, PlanLimits())) <= 6
     assert plan_anchors([scene], [beam], SIZE, AXES).covered >= 0.0
+
+
+def striped(position):
+    """Colours (N,) of lines that are drawn on surfaces, three quarters of a pixel wide on the far wall."""
+    return (np.sin(2.0 * np.pi * (position[0] + position[1] + position[2]) / 1.1) > 0.9).astype(np.float32)
+
+
+def striped_image(scene, projection, samples, anchors=None):
+    """An image (N,) of lines: as the caster meets them, or joined from anchors' pictures."""
+    views = [] if anchors is None else traced_views(scene, anchors)
+    shapes = [view.depth.shape for view in views]
+    pictures = [
+        striped(positions.reshape(-1, 3).T).reshape(*shape, 1)
+        for positions, shape in zip(pictures_of(views), shapes, strict=True)
+    ]
+    samples_at, total = SamplePositions(*SIZE, samples, PixelFilter()), 0.0
+    for sample in range(samples):
+        x, y = samples_at.of_rows(slice(0, SIZE[1]), sample)
+        points = shown_points(scene, projection, x, y, (1 / SIZE[0], 1 / SIZE[1]))
+        assert points.is_hit.all()
+        joined = striped(points.position)
+        if views:
+            joined = find_texels(points, views).colors(pictures)[:, 0]
+        total = total + joined / samples
+    return total
+
+
+@pytest.mark.parametrize("projection", [frustum, panorama])
+def test_more_hits_a_pixel_make_lines_on_surfaces_smooth(projection):
+    """Anchors for 16 hits a pixel have finer pixels than those for 4, beside 400 hits by the caster."""
+    scene, projection, off = room(), projection(), {}
+    right = striped_image(scene, projection, 400)
+    for samples in (4, 16):
+        plan = plan_anchors([scene], [projection], SIZE, AXES, PlanLimits.of_samples(samples))
+        off[samples] = np.abs(striped_image(scene, projection, 16, plan.anchors) - right)
+    assert (off[16] > 0.2).mean() < 1e-3 and (off[4] > 0.2).mean() > 0.02
+    assert off[16].mean() < 0.65 * off[4].mean()

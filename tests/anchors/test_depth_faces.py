@@ -11,7 +11,7 @@ from scfpf_addon.anchors.anchor import Anchor, Window
 from scfpf_addon.anchors.anchor_view import AnchorView, traced_views
 from scfpf_addon.anchors.completion import completed
 from scfpf_addon.anchors.depth_faces import DepthFaces, faces_of, in_front
-from scfpf_addon.anchors.plan import PlanLimits, plan_anchors
+from scfpf_addon.anchors.plan import plan_anchors
 from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.anchors.shown_points import shown_points
 from scfpf_addon.anchors.stand_ins import StandIns, octahedra, tubes
@@ -97,7 +97,7 @@ def test_marching_agrees_with_the_hits_of_meshes(angle, radius):
     # Colours are places, in meters: they are those of what is shown.
     pictures = [places(view) for view in faces.views]
     things = found.take(np.flatnonzero(found.is_hit))
-    colors, lacks = faces.colors(things, [done.own], pictures, PlanLimits().angle)
+    colors, lacks = faces.colors(things, [done.own], pictures)
     off = np.linalg.norm(colors - things.position.T, axis=1) / things.length
     assert lacks.mean() < 2e-3 and (off[inner[found.is_hit]] < 4.0).mean() > 0.995
 

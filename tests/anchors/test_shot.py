@@ -2,6 +2,7 @@
 """Anchors of a moving volume: most stay from frame to frame, and colours change smoothly."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.anchors.join import join
 from scfpf_addon.anchors.kept_plan import KeptPlan
-from scfpf_addon.anchors.plan import PlanLimits
 from scfpf_addon.anchors.seen_scene import SeenScene
 from scfpf_addon.anchors.shot import FADE, TOGETHER, LookedAt, Shot, completed_sets
 from scfpf_addon.anchors.shown_points import shown_points
@@ -49,41 +49,61 @@ def matt(position):
     return 0.5 + 0.5 * np.sin(position[0] + 1.5 * position[1] + 0.5 * position[2])
 
 
-def painted(view, number):
+def painted(_scene, view, number):
     """A picture of two channels: the matt colour, and a gloss that every anchor sees in another way."""
-    anchor, depth = view.anchor, view.depth
-    height, width = depth.shape
+    begin, way, far = shown_by(view)
+    gloss = np.full(len(far), 0.5 * (number % 2))
+    return picture_of(view, matt(begin + way * far), gloss)
+
+
+def mirrors(scene, view, _number):
+    """A picture of what mirrors in the place of all faces show of their surroundings, twice."""
+    begin, way, far = shown_by(view)
+    inside = ((begin - scene.scene.centre[:, None]) * scene.scene.scale).astype(np.float32)
+    reach = np.full(len(far), 2.0 * (view.anchor.end - view.anchor.start), np.float32)
+    triangle = scene.scene.mesh.trace(inside, (way * scene.scene.scale).astype(np.float32), reach)
+    shown = np.zeros(len(far))
+    met = triangle >= 0
+    shown[met] = mirrored(
+        scene.scene.normals(triangle[met]), way[:, met] / np.linalg.norm(way[:, met], axis=0)
+    )
+    return picture_of(view, shown, shown)
+
+
+def mirrored(normal, direction):
+    """What surroundings with stripes of 45° look like in mirrors (3, N), from 0 to 1."""
+    away = direction - 2.0 * (direction * normal).sum(axis=0) * normal
+    return 0.5 + 0.5 * np.sin(8.0 * (away * np.array([[0.3], [0.5], [0.8]])).sum(axis=0))
+
+
+def shown_by(view):
+    """Where the rays of an anchor's pixels begin, their ways (3, N) and how far they go (N,)."""
+    height, width = view.depth.shape
     column, row = np.tile(np.arange(width), height), np.repeat(np.arange(height), width)
-    begin, way = anchor.rays(column, row)
-    far = np.where(np.isfinite(depth), depth, 0.0).ravel() - anchor.start
-    gloss = np.full(height * width, 0.5 * (number % 2))
-    colors = np.stack([matt(begin + way * far), gloss], axis=1)
-    return np.ascontiguousarray(colors.reshape(height, width, 2), np.float32)
+    begin, way = view.anchor.rays(column, row)
+    return begin, way, np.where(np.isfinite(view.depth), view.depth, 0.0).ravel() - view.anchor.start
 
 
-@pytest.fixture(scope="module")
-def film():
+def picture_of(view, *channels):
+    colors = np.stack(channels, axis=1)
+    return np.ascontiguousarray(colors.reshape(*view.depth.shape, len(channels)), np.float32)
+
+
+def filmed(scene, paint):
     """The numbers of each frame's anchors, its share of holes, and how colours (2,) change at the surfaces.
 
     A change is that of what a pixel shows: of the same point of the surface, by the next frame's anchors.
     """
-    scene, shot, numbers, kept, frames, before = (
-        seen(*boxes(2000)),
-        Shot(0, FRAMES - 1),
-        {},
-        [],
-        [],
-        None,
-    )
+    shot, numbers, kept, frames, before = Shot(0, FRAMES - 1), {}, [], [], None
     for place in range(FRAMES):
         plan_for(shot, place, scene)
         views, sets = completed_sets(scene, moved(place), SIZE, shot.sets(place))
         own = [numbers.setdefault(id(view.anchor), len(numbers)) for view in views]
         kept += [view.anchor for view in views]
-        pictures = [painted(view, number) for view, number in zip(views, own, strict=True)]
+        pictures = [paint(scene, view, number) for view, number in zip(views, own, strict=True)]
 
         def looked_up(points, views=views, sets=sets, pictures=pictures):
-            colors, is_hole = join(points, views, sets, pictures, PlanLimits().angle)
+            colors, is_hole = join(points, views, sets, pictures)
             return np.where(is_hole[:, None], np.nan, colors)
 
         change = None if before is None else np.abs(looked_up(before[0]) - before[1])
@@ -93,6 +113,11 @@ def film():
         before = points, looked_up(points)
         frames.append((own, np.isnan(before[1]).mean(), change))
     return frames
+
+
+@pytest.fixture(scope="module")
+def film():
+    return filmed(seen(*boxes(2000)), painted)
 
 
 def changes(film):
@@ -117,6 +142,13 @@ def test_gloss_does_not_pop(film):
     gloss = changes(film)[:, 1]
     assert (gloss > 1e-3).mean() > 0.01
     assert (gloss > 0.06).mean() < 1e-4
+
+
+def test_mirrors_do_not_pop():
+    """Their anchors stand near to the projectors, so that these see nearly the same."""
+    scene = seen(*boxes(2000))
+    scene = replace(scene, directional=np.ones(len(scene.scene.usable), bool))
+    assert changes(filmed(scene, mirrors)).max() <= 0.1
 
 
 def numbers_of(sets):
@@ -177,5 +209,5 @@ def test_where_nothing_moves_all_frames_have_one_set():
     anchors = (*one.anchors, *one.rest)[:3]
     for made_for, is_taken in (("still", True), ("other", False)):
         kept, shot = KeptPlan(anchors, made_for, SIZE, 0.5, False), Shot(0, TOGETHER)
-        shot.plan(0, still, SIZE, np.eye(3), kept)
+        shot.plan(0, still, SIZE, np.eye(3), kept=kept)
         assert (shot.sets(0)[0].anchors == [*anchors]) == is_taken

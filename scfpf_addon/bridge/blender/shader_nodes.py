@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -127,3 +127,12 @@ def value_input(node, groups: tuple, name: str) -> float | None:
     if value is None or isinstance(value, (int, float)):
         return value
     return float(np.dot(np.array(value, np.float64)[:3], LUMINANCE))
+
+
+def has_node(tree, is_meant: Callable[[object], bool], known: dict[int, bool]) -> bool:
+    """Return whether a tree, or a group in it, has a node that is meant. known: results by its session id."""
+    key = tree.session_uid
+    if key not in known:
+        groups = [node.node_tree for node in tree.nodes if node.type == "GROUP" and node.node_tree]
+        known[key] = any(map(is_meant, tree.nodes)) or any(has_node(each, is_meant, known) for each in groups)
+    return known[key]

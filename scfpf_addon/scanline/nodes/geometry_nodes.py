@@ -195,10 +195,15 @@ def node_group(
     is offered as a modifier.
     """
     existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and is_current(existing) and is_whole(existing):
+    if (
+        existing
+        and existing.bl_idname == "GeometryNodeTree"
+        and is_current(existing)
+        and has_all_groups(existing)
+    ):
         return existing
     called_so = (group for group in bpy.data.node_groups if _was_called(group, name))
-    renamed = next((group for group in called_so if is_whole(group)), None)
+    renamed = next((group for group in called_so if has_all_groups(group)), None)
     if renamed is not None:
         return renamed
     if existing:
@@ -247,10 +252,10 @@ def is_current(group) -> bool:
     return group is not None and group.get(BUILD_KEY) == BUILD
 
 
-def is_whole(group) -> bool:
+def has_all_groups(group) -> bool:
     """Return whether no group within a node group has been deleted."""
     inner = (node.node_tree for node in group.nodes if node.type == "GROUP")
-    return all(tree is not None and is_whole(tree) for tree in set(inner))
+    return all(tree is not None and has_all_groups(tree) for tree in set(inner))
 
 
 def _was_called(group, name: str) -> bool:
