@@ -16,6 +16,7 @@ from ..operators.camera.ways import is_any, is_live, joined_engine, rendered_cam
 from ..operators.common.target import flexible_camera_of
 from ..operators.common.words import label_text, translated_label
 from ..scfpf_addon.anchors.kept_plan import KeptPlan
+from ..scfpf_addon.anchors.plan import PlanLimits
 from ..scfpf_addon.bridge.blends.camera_blend import is_blend
 from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
@@ -121,6 +122,8 @@ def plan_text(scene, camera) -> str:
         return ""
     if plan.size != image_size(scene):
         return label_text("Plan of {0} × {1} pixels: plan again", *plan.size)
+    if plan.texels != PlanLimits.of_samples(camera.scfpf.samples).texels:
+        return label_text("Plan for other samples: plan again")
     count, pixels = len(plan.anchors), plan.pixels
     renderer = joined_engine(scene)
     every = pixels * plan.size[0] * plan.size[1]

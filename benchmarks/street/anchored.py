@@ -12,10 +12,10 @@ them.
 --whole renders each preset by EEVEE with 4 samples as well, and an ordinary camera's picture of the same
 size in the same place.
 
---rig joins each preset from renders by Cycles, 16 hits a pixel in light that does not bounce, and compares it
-with Cycles' own through the rig. Of pixels beside which no colours change, the root mean square of the
-differences, and that of two pictures through the rig with other noise; then the shares off by more than 0.1
-of these pixels and of all, and the same of two pictures through the rig.
+--rig joins each preset from renders by Cycles with 64 samples, 16 hits a pixel in light that does not bounce,
+and compares it with Cycles' own through the rig, with 256. Of pixels beside which no colours change, the
+root mean square of the differences, and that of two pictures through the rig with other noise; then the
+shares off by more than 0.1 of these pixels and of all, and the same of two pictures through the rig.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ WIDTH = 640
 # Wider than high by so much, if a preset is no square one.
 WIDE = {"around_the_car": 3.0}
 SAMPLES = 4
-# Beside the rig: hits of a pixel, samples of the renders and of Cycles through the rig, and what is off. Colours
-# that differ by more than EDGE are those of an edge.
+# Beside the rig: hits of a pixel, samples of the renders and of Cycles through the rig, and what is off.
+# Colours that differ by more than EDGE are those of an edge.
 HITS, RENDER_SAMPLES, RIG_SAMPLES, OFF, EDGE = 16, 64, 256, 0.1, 0.1
 # The bars: a second of two cores.
 MOST_HOLES, LEAST_WITHIN, MOST_SECONDS = 5e-4, 0.995, 2.0
@@ -92,8 +92,8 @@ def positions(views) -> list[np.ndarray]:
 
 def looked_up(seen, projection, size, views) -> tuple[float, float, float]:
     """Processor seconds of a million points, the share of holes, and of positions within half a pixel."""
-    tiles, joining = room("casting.tiles"), room("anchors.join")
-    shown, own = room("anchors.shown_points").shown_points, room("anchors.anchor_view").ViewSet
+    tiles, joining, points_of = room("casting.tiles"), room("anchors.join"), room("anchors.shown_points")
+    shown, own = points_of.shown_points, room("anchors.anchor_view").ViewSet
     width, height = size
     every, pictures = own(tuple(range(len(views)))), positions(views)
     points = {}
@@ -105,17 +105,27 @@ def looked_up(seen, projection, size, views) -> tuple[float, float, float]:
         return found.take(np.flatnonzero(found.is_hit))
 
     def join(job):
-        return joining.join(points[job.rows.start], views, [every], pictures)
+        return joining.join(together[job.rows.start], views, [every], pictures)
 
     bands = tiles.image_tiles(width, height)
     tiles.run_tiles(cast, bands, 0, lambda rows, found: points.update({rows.start: found}))
+    # As many as are looked up together in pictures of several samples.
+    cast_rows = [rows for rows in bands if rows.start in points]
+    at_once = room("engines.joined_tiles").samples_at_once(len(views))
+    few = max(1, at_once // (width * (bands[0].stop - bands[0].start)))
+    groups = [cast_rows[k : k + few] for k in range(0, len(cast_rows), few)]
+    together = {
+        group[0].start: points_of.joined_points([points[rows.start] for rows in group]) for group in groups
+    }
     joined = {}
     begun = process_time()
-    tiles.run_tiles(join, bands, 0, lambda rows, found: joined.update({rows.start: found}))
+    tiles.run_tiles(
+        join, [group[0] for group in groups], 0, lambda rows, found: joined.update({rows.start: found})
+    )
     seconds = process_time() - begun
     count = holes = within = 0
     for start, (color, is_hole) in joined.items():
-        own = points[start]
+        own = together[start]
         off = color[:, :3].T - own.position
         off -= own.direction * np.einsum("cn,cn->n", off, own.direction)
         near = np.linalg.norm(off, axis=0) < 0.5 * own.length

@@ -76,7 +76,7 @@ def completed(
         if len(left.number) <= ENOUGH * count:
             break
         from_beside = left._replace(angle=np.full(len(left.number), WIDE_ANGLE))
-        cameras = _cameras(left)
+        cameras = _cameras(left, least)
         found = Cover([scene], size, nearer).chosen(added, from_beside, cameras, ENOUGH * count, least)
         new = traced_views(scene, found[len(added) :], threads)
         if not new:
@@ -130,13 +130,16 @@ def looked_through(
     return left, sum(count for _, count in parts), replace(own, first=first, rest=rest)
 
 
-def _cameras(points: ShownPoints) -> Iterator[CameraOfPart]:
-    """Cameras for groups of points (N,): all, those whose surfaces face alike, and ever smaller halves."""
+def _cameras(points: ShownPoints, least: float) -> Iterator[CameraOfPart]:
+    """Cameras for groups of points (N,): all, those whose surfaces face alike, and ever smaller halves.
+
+    least: the number of points that an anchor must add, which one for fewer does not.
+    """
     axis, sides = np.abs(points.normal).argmax(axis=0), np.arange(len(points.number))
     side = 2 * axis + (points.normal[axis, sides] > 0.0)
     groups = [np.arange(len(points.number)), *(np.flatnonzero(side == k) for k in range(6))]
-    groups = [group for group in groups if len(group)]
     for _ in range(HALVINGS + 1):
+        groups = [group for group in groups if len(group) >= least]
         for group in groups:
             for camera in _near_to(points.take(group)):
                 yield group, camera

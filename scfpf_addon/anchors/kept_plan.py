@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
 from .anchor import Anchor, Window
+from .plan import FEWEST_TEXELS
 
-VERSION = 2
+VERSION = 3
 # Image positions along a side at which projectors are compared.
 PLACES = 9
 
@@ -27,7 +28,7 @@ class KeptPlan:
 
     made_for: the digest of what they were planned for. size: of the picture in pixels. shown: the share of
     its points on things that an anchor shows. is_one_eye: whether all its projectors have one eye. layers:
-    the numbers of the anchors' layers, 0 for the rest; () if all are of that.
+    the numbers of the anchors' layers, 0 for the rest; () if all are of that. texels: see ``PlanLimits``.
     """
 
     anchors: tuple[Anchor, ...]
@@ -36,6 +37,7 @@ class KeptPlan:
     shown: float
     is_one_eye: bool
     layers: tuple[int, ...] = ()
+    texels: float = FEWEST_TEXELS
 
     def of_layer(self, number: int) -> tuple[Anchor, ...]:
         """The anchors of a layer, or of the rest for 0."""
@@ -60,14 +62,15 @@ class KeptPlan:
             ]
             for each in self.anchors
         ]
-        kept = [VERSION, self.made_for, [*self.size], self.shown, self.is_one_eye, anchors, [*self.layers]]
+        made_for = self.made_for, [*self.size], self.texels
+        kept = [VERSION, *made_for, self.shown, self.is_one_eye, anchors, [*self.layers]]
         return json.dumps(kept, separators=(",", ":"))
 
     @classmethod
     def read(cls, text: str) -> KeptPlan | None:
         """The plan that a text holds; None if it holds none, as one of another version."""
         try:
-            version, made_for, (width, height), shown, is_one_eye, anchors, layers = json.loads(text)
+            version, made_for, (width, height), texels, shown, is_one_eye, anchors, layers = json.loads(text)
             if version != VERSION or len(layers) not in (0, len(anchors)):
                 return None
             return cls(
@@ -77,6 +80,7 @@ class KeptPlan:
                 float(shown),
                 bool(is_one_eye),
                 tuple(map(int, layers)),
+                float(texels),
             )
         except (ValueError, TypeError):
             return None

@@ -73,7 +73,7 @@ class _Surface:
     def __init__(self, points: ShownPoints, which: IndexArray, view: AnchorView, at: Placed) -> None:
         self._view, self._at = view, at
         turned = view.anchor.matrix[:3, :3].T.astype(np.float32)
-        self._normal = turned @ points.normal.take(which, 1).astype(np.float32)
+        self._normal = turned @ points.normal.take(which, 1).astype(np.float32, copy=False)
         x, y = at.slope
         cosine = np.abs(self._normal[0] * x + self._normal[1] * y - self._normal[2])
         cosine /= np.sqrt(x * x + y * y + np.float32(1.0))

@@ -13,7 +13,7 @@ from ..anchors.anchor_view import AnchorView, ViewSet, traced_views
 from ..anchors.depth_faces import DepthFaces
 from ..anchors.image_parts import ImagePart
 from ..anchors.join import join, join_sky
-from ..anchors.shown_points import ShownPoints
+from ..anchors.shown_points import ShownPoints, joined_points
 from ..bridge.render.render_inputs import RenderInputs
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.typing import Array, BoolArray, IndexArray
@@ -21,6 +21,9 @@ from ..shading.sampling.sample_positions import SamplePositions
 from ..shading.typing import Single
 from .world_mist import WorldMist
 
+# Samples that are looked up together, for each anchor and at most: NumPy's calls on few hold Python's lock,
+# so that threads wait for each other, and many do not stay in the core's cache.
+AN_ANCHOR, AT_ONCE = 1 << 14, 1 << 18
 # A share of a sample that changes no pixel by more than a step of 16 bits is not seen.
 LEAST_LEFT = 1.0 / 65535.0
 
@@ -94,11 +97,14 @@ def joined_pixels(
         """The channels (n, C) of the pixels of a tile, and which of them have none."""
         count = (job.rows.stop - job.rows.start) * width
         color, weight = np.zeros((count, joining.channels), np.float32), np.zeros(count, np.float32)
-        for sample in range(settings.samples):
-            own, lacks = joining.sample(*positions.of_rows(job.rows, sample))
-            color += own
-            weight += ~lacks
-            job.done = (sample + 1) / settings.samples
+        together = max(1, joining.at_once // count)
+        for first in range(0, settings.samples, together):
+            last = min(first + together, settings.samples)
+            places = [positions.of_rows(job.rows, sample) for sample in range(first, last)]
+            own, lacks = joining.samples(places)
+            color += own.reshape(len(places), count, -1).sum(axis=0)
+            weight += (~lacks).reshape(len(places), count).sum(axis=0)
+            job.done = last / settings.samples
         empty = weight <= 0.0
         return color / np.where(empty, np.float32(1.0), weight)[:, None], empty
 
@@ -112,8 +118,16 @@ def joined_pixels(
     return pixels, holes
 
 
+def samples_at_once(anchors: int) -> int:
+    """How many samples are to be looked up together in so many anchors."""
+    return min(AN_ANCHOR * anchors, AT_ONCE)
+
+
 class _Joining:
-    """Samples of a picture, each joined from the parts that it shows. channels: of the pictures."""
+    """Samples of a picture, each joined from the parts that it shows.
+
+    channels: of the pictures. at_once: how many samples are to be looked up together.
+    """
 
     def __init__(
         self,
@@ -128,12 +142,16 @@ class _Joining:
         self._pixel_size = 1.0 / self._settings.width, 1.0 / self._settings.height
         pictures = [picture for each in parts for picture in each.pictures.colors]
         self._colors = next((each.shape[2] for each in (*pictures, *worlds.colors)), 4)
+        self.at_once = samples_at_once(sum(len(each.pictures.views) for each in parts))
         self._mist, self.channels = mist, self._colors + (mist is not None)
 
-    def sample(self, x: Array, y: Array) -> tuple[Single, BoolArray]:
-        """The channels (N, C) at image positions (N,), 0 where no anchor shows them, and where that is."""
-        count, error = len(x), self._settings.pixel_error
-        points = [each.points(x, y, self._pixel_size, error) for each in self._parts]
+    def samples(self, places: Sequence[tuple[Array, Array]]) -> tuple[Single, BoolArray]:
+        """The channels (N, C) at image positions x, y, 0 where no anchor shows them, and where that is, (N,).
+
+        places: x, y (n,) of tiles, which are cast one after the other.
+        """
+        count = sum(len(x) for x, _y in places)
+        points = [self._points(each, places) for each in self._parts]
         things = [each.take(np.flatnonzero(each.is_hit)) for each in points]
         color, lacks = np.zeros((count, self.channels), np.float32), np.zeros(count, bool)
         # What the things in front leave of each sample.
@@ -160,6 +178,15 @@ class _Joining:
         if self._mist is not None:
             color[~lacks, -1] = 1.0 - color[~lacks, -1]
         return color, lacks
+
+    def _points(self, part: JoinedPart, places: Sequence[tuple[Array, Array]]) -> ShownPoints:
+        """The points that a part shows at image positions, numbered on and on."""
+        found, begin = [], 0
+        for x, y in places:
+            points = part.points(x, y, self._pixel_size, self._settings.pixel_error)
+            found.append(points._replace(number=points.number + begin))
+            begin += len(x)
+        return joined_points(found)
 
     def _from_front(self, count: int, things: Sequence[ShownPoints]) -> Iterator[tuple[int, IndexArray]]:
         """The parts, and which of their points come next of all that a sample shows, from the front."""

@@ -265,6 +265,12 @@ def _still(
         if part.number == 0:
             found.is_one_eye = plan.is_one_eye
     found.kept = KeptPlan(
-        tuple(anchors), made_for, picture.size, shown / max(count, 1), found.is_one_eye, tuple(numbers)
+        tuple(anchors),
+        made_for,
+        picture.size,
+        shown / max(count, 1),
+        found.is_one_eye,
+        tuple(numbers),
+        limits.texels,
     )
     return found

@@ -195,12 +195,8 @@ def node_group(
     is offered as a modifier.
     """
     existing = bpy.data.node_groups.get((name, None))
-    if (
-        existing
-        and existing.bl_idname == "GeometryNodeTree"
-        and is_current(existing)
-        and has_all_groups(existing)
-    ):
+    is_own = existing and existing.bl_idname == "GeometryNodeTree" and is_current(existing)
+    if is_own and has_all_groups(existing):
         return existing
     called_so = (group for group in bpy.data.node_groups if _was_called(group, name))
     renamed = next((group for group in called_so if has_all_groups(group)), None)

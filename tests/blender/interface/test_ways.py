@@ -192,7 +192,7 @@ def test_a_refused_cycles_setup_is_one_message(camera):
 
 
 def test_the_messages_tell_the_plan_of_another_engines_renders(addon, camera):
-    """How many renders, how much of the picture, and that another size needs another plan."""
+    """How many renders, how much of the picture, and that another size or fineness needs another plan."""
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 36, 100
 
@@ -204,6 +204,10 @@ def test_the_messages_tell_the_plan_of_another_engines_renders(addon, camera):
     assert bpy.ops.scfpf.preset_apply(preset="inverted_perspective") == {"FINISHED"}
     assert bpy.ops.scfpf.joined_plan(camera=camera.name, engine="EEVEE") == {"FINISHED"}
     assert "Plan: " in shown() and " renders, " in shown()
+    camera.scfpf.samples = 16
+    assert shown() == "Plan for other samples: plan again"
+    camera.scfpf.samples = 4
+    assert "Plan: " in shown()
     scene.render.resolution_x = 70
     assert "Plan of 64 × 36 pixels: plan again" in shown() and "renders" not in shown()
 
