@@ -150,6 +150,9 @@ def put_back(backup, datablock) -> None:
     uid, name, keys = datablock.session_uid, datablock.name, getattr(datablock, "shape_keys", None)
     keys_name = "" if keys is None else keys.name
     datablock.user_remap(backup)
+    if datablock.users > datablock.use_fake_user:
+        # An object in Edit Mode keeps its data, and would be deleted with them.
+        return
     for names in _found:
         if uid in names:
             names[backup.session_uid] = names.pop(uid)

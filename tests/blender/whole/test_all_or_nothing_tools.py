@@ -296,3 +296,18 @@ def test_what_a_block_has_removed_has_no_way_back(addon, empty_file):
         raise KeyError("of the test")
     assert scene.frame_start == 5 and not bpy.data.objects and not bpy.data.cameras
     scene.frame_start = before
+
+
+def test_an_object_in_edit_mode_does_not_go_with_its_kept_mesh(addon, empty_file):
+    """Blender gives it no other mesh: removing its own would delete it."""
+    module = addon("bridge.blender.all_or_nothing")
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    mesh, count = cube.data, len(bpy.data.meshes)
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(KeyError, match="of the test"), module.all_or_nothing():
+        module.keep_whole(mesh)
+        raise KeyError("of the test")
+    assert cube.name in bpy.data.objects and cube.data == mesh and len(bpy.data.meshes) == count
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(mesh.vertices) == 8
