@@ -11,6 +11,7 @@ import numpy as np
 
 from ..casting.common.cancellation import raise_if_cancelled
 from ..casting.tiles import TileJob, run_tiles
+from ..projection.arrays import product
 from ..projection.typing import Array, IndexArray
 from ..shading.typing import Single
 from .anchor import Anchor
@@ -107,7 +108,7 @@ class Placed(NamedTuple):
 
 def placed(anchor: Anchor, position: Array) -> Placed:
     """Place world points (3, n) in an anchor's picture. Those at or behind its eye have a depth <= 0."""
-    local = (anchor.matrix[:3, :3].T @ (position - anchor.matrix[:3, 3:])).astype(np.float32)
+    local = product(anchor.matrix[:3, :3].T, position - anchor.matrix[:3, 3:]).astype(np.float32)
     depth = -local[2]
     texel = np.float32(anchor.texel)
     if anchor.is_parallel:

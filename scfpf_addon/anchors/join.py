@@ -82,9 +82,6 @@ def find_texels(points: ShownPoints, views: Sequence[AnchorView]) -> TexelShares
     views: at most MOST_ANCHORS.
     """
     assert len(views) <= MOST_ANCHORS
-    points = points._replace(
-        normal=points.normal.astype(np.float32), direction=points.direction.astype(np.float32)
-    )
     search = _Search(points, views)
     left, after = np.arange(len(points.number)), np.zeros(len(points.number), np.uint32)
     while len(left) and views:

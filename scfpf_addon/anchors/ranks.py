@@ -49,7 +49,7 @@ def ranked(points: ShownPoints, views: Sequence[AnchorView], after: Ranks, place
     count = len(points.number)
     found = [np.full(count, NO_RANK) for _ in range(places)]
     runs = _Runs(points.position)
-    direction, normal = (each.astype(np.float32, copy=False) for each in (points.direction, points.normal))
+    direction, normal = points.direction.astype(np.float32), points.normal.astype(np.float32)
     least = np.minimum(np.float32(LEAST_COSINE), -0.5 * (normal * direction).sum(axis=0))
     length = np.maximum(points.length, np.finfo(np.float64).tiny).astype(np.float32)
     for number, view in enumerate(views):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..projection.arrays import product
 from ..projection.typing import BoolArray, IndexArray
 from ..shading.typing import Single
 from .anchor_view import AnchorView, Placed, placed
@@ -48,18 +49,18 @@ def texels(points: ShownPoints, which: IndexArray, view: AnchorView, beside: boo
     """
     anchor = view.anchor
     at = placed(anchor, points.position.take(which, 1))
-    column, row = at.across.astype(np.int32), at.up.astype(np.int32)
-    # Rounding may have put a place on the border itself.
-    np.clip(column, 0, anchor.size[0] - 2, out=column)
-    np.clip(row, 0, anchor.size[1] - 2, out=row)
-    first = row * np.int32(anchor.size[0]) + column
+    # Whole numbers in float32: with integers NumPy would go on in float64. Rounding may have put a place on
+    # the border itself.
+    column = np.clip(np.floor(at.across), np.float32(0.0), np.float32(anchor.size[0] - 2))
+    row = np.clip(np.floor(at.up), np.float32(0.0), np.float32(anchor.size[1] - 2))
+    first = row.astype(np.int32) * np.int32(anchor.size[0]) + column.astype(np.int32)
     shares = np.empty((4, len(which)), np.float32)
     surface = _Surface(points, which, view, at)
     right, upper = at.across - column, at.up - row
     for k, (step, step_up) in enumerate(FOUR):
         share = (right if step else 1.0 - right) * (upper if step_up else 1.0 - upper)
         pixel = first + np.int32(step + step_up * anchor.size[0])
-        shows = surface.shown_by(pixel, column + step, row + step_up, beside)
+        shows = surface.shown_by(pixel, column + np.float32(step), row + np.float32(step_up), beside)
         np.multiply(share + np.float32(LEAST_SHARE), shows, out=shares[k])
     total = shares.sum(axis=0)
     shares /= np.where(total > 0.0, total, np.float32(1.0))
@@ -72,8 +73,8 @@ class _Surface:
 
     def __init__(self, points: ShownPoints, which: IndexArray, view: AnchorView, at: Placed) -> None:
         self._view, self._at = view, at
-        turned = view.anchor.matrix[:3, :3].T.astype(np.float32)
-        self._normal = turned @ points.normal.take(which, 1).astype(np.float32, copy=False)
+        turned = view.anchor.matrix[:3, :3].T
+        self._normal = product(turned, points.normal.take(which, 1)).astype(np.float32)
         x, y = at.slope
         cosine = np.abs(self._normal[0] * x + self._normal[1] * y - self._normal[2])
         cosine /= np.sqrt(x * x + y * y + np.float32(1.0))
@@ -81,7 +82,7 @@ class _Surface:
         self._slack = np.float32(OFF_PLANE) + np.float32(ROUNDED) * np.abs(at.depth) / at.side
         self._depth = view.depth.ravel()
 
-    def shown_by(self, pixel: IndexArray, column: IndexArray, row: IndexArray, beside: bool) -> BoolArray:
+    def shown_by(self, pixel: NDArray[np.int32], column: Single, row: Single, beside: bool) -> BoolArray:
         """Return whether pixels show the surfaces of the points, or what is near to these, (n,)."""
         anchor, at = self._view.anchor, self._at
         with np.errstate(invalid="ignore", over="ignore"):
