@@ -99,7 +99,9 @@ def poll_camera(cls, context) -> bool:
         return False
     camera = camera_of(context)
     if any(is_being_edited(member) for member in (*surfaces_of(camera), *grids_of(camera))):
-        cls.poll_message_set("A control surface is in Edit Mode in another scene: go to Object Mode there")
+        cls.poll_message_set(
+            "A control surface or grid is being edited in another scene: go to Object Mode there"
+        )
         return False
     return True
 

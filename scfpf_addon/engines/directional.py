@@ -33,10 +33,13 @@ OUTPUTS = {
 def directional(material_names: Sequence[str], material: IndexArray) -> BoolArray | None:
     """Return which triangles look different from different directions, (T,); None if none.
 
-    material: (T,), of each triangle the place in the names.
+    material: (T,), of each triangle the place in the names. Of several materials of a name, which may be
+    linked from other files, one is enough.
     """
     known: dict[int, bool] = {}
-    found = np.array([_is_directional(bpy.data.materials.get(name), known) for name in material_names], bool)
+    wanted = set(material_names)
+    named = {each.name for each in bpy.data.materials if each.name in wanted and _is_directional(each, known)}
+    found = np.array([name in named for name in material_names], bool)
     if not found.any():
         return None
     result: BoolArray = found[material]
@@ -44,8 +47,6 @@ def directional(material_names: Sequence[str], material: IndexArray) -> BoolArra
 
 
 def _is_directional(material, known: dict[int, bool]) -> bool:
-    if material is None:
-        return False
     if not versions.uses_nodes(material):
         return material.roughness < DULL
     return has_node(material.node_tree, _changes, known)

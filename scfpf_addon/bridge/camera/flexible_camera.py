@@ -106,7 +106,7 @@ def editable_surfaces(camera, indices=None) -> list:
         if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
             raise UserError("'{0}' is linked from another file: make it local first", surface.name)
         if is_being_edited(surface):
-            raise UserError("'{0}' is in Edit Mode: go to Object Mode first, in its scene", surface.name)
+            raise UserError("'{0}' is being edited: go to Object Mode first, in its scene", surface.name)
         if surface not in found:
             found.append(surface)
     return found

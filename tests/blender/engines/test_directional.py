@@ -120,3 +120,50 @@ def test_a_material_without_nodes_is_read_by_its_own_roughness(addon, monkeypatc
         material.roughness = roughness
         found = directional.directional([material.name], np.zeros(3, int))
         assert (found is not None) == expected
+
+
+def by_geometry_nodes(mirror):
+    bpy.ops.mesh.primitive_cube_add()
+    group = bpy.data.node_groups.new("Set", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    node = group.nodes.new("GeometryNodeSetMaterial")
+    node.inputs["Material"].default_value = mirror
+    group.links.new(start.outputs[0], node.inputs["Geometry"])
+    group.links.new(node.outputs[0], end.inputs[0])
+    bpy.context.object.modifiers.new("Set", "NODES").node_group = group
+
+
+def by_instance(mirror):
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    cube.data.materials.append(mirror)
+    hidden = bpy.data.collections.new("Hidden")
+    bpy.context.scene.collection.objects.unlink(cube)
+    hidden.objects.link(cube)
+    bpy.ops.object.collection_instance_add(collection="Hidden")
+
+
+def by_object(mirror):
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    cube.data.materials.append(None)
+    cube.material_slots[0].link = "OBJECT"
+    cube.material_slots[0].material = mirror
+
+
+def by_override(mirror):
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.view_layer.material_override = mirror
+
+
+@pytest.mark.parametrize("give", [by_geometry_nodes, by_instance, by_object, by_override])
+def test_wherever_a_material_comes_from(give, addon):
+    mirror = bpy.data.materials.new("Mirror")
+    mirror.use_nodes = True
+    principled(mirror.node_tree, Metallic=1.0)
+    give(mirror)
+    read = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
+    found = addon("engines.directional").directional(read.material_names, read.geometry.material)
+    assert found is not None and found.all() and len(found) == 12

@@ -274,7 +274,7 @@ def test_what_is_removed_with_its_scene_takes_the_volume_object_of_its_camera_al
     assert not any(obj.scfpf_surface.is_volume for obj in bpy.data.objects)
 
 
-def edited_elsewhere(kind):
+def edited_elsewhere(kind, mode="EDIT"):
     """The camera, whose near surface of a kind is in Edit Mode in a scene that no window shows any more."""
     camera = add_camera("Edited")
     conversions = {"GRID": bpy.ops.scfpf.surface_to_grid, "NURBS": bpy.ops.scfpf.surface_to_patch}
@@ -294,17 +294,20 @@ def edited_elsewhere(kind):
     other.camera = camera
     small(other)
     bpy.context.view_layer.objects.active = edited
-    assert bpy.ops.object.mode_set(mode="EDIT") == {"FINISHED"}
+    assert bpy.ops.object.mode_set(mode=mode) == {"FINISHED"}
     bpy.context.window.scene = other
     bpy.context.view_layer.objects.active = camera
-    assert bpy.context.mode == "OBJECT" and edited.mode == "EDIT"
+    assert bpy.context.mode == "OBJECT" and edited.mode == mode
     return camera, edited
 
 
-@pytest.mark.parametrize("kind", ["PLANE", "GRID", "NURBS", "LATTICE", "WARP"])
-def test_no_operator_touches_what_is_edited_in_another_scene(kind, addon):
+@pytest.mark.parametrize(
+    ("kind", "mode"),
+    [(kind, "EDIT") for kind in ("PLANE", "GRID", "NURBS", "LATTICE", "WARP")] + [("GRID", "SCULPT")],
+)
+def test_no_operator_touches_what_is_edited_in_another_scene(kind, mode, addon):
     """Its points would be lost when that mode ends, or the object with them."""
-    camera, edited = edited_elsewhere(kind)
+    camera, edited = edited_elsewhere(kind, mode)
     read = addon("bridge.camera.read_projection").read_projection
     before = read(camera, bpy.context.evaluated_depsgraph_get(), 16 / 9)
     changing = (
@@ -325,7 +328,7 @@ def test_no_operator_touches_what_is_edited_in_another_scene(kind, addon):
             operator("EXEC_DEFAULT")
         except RuntimeError as error:
             assert "fault of the add-on" not in str(error), name
-        assert edited.mode == "EDIT" and edited.name in bpy.context.scene.objects, name
+        assert edited.mode == mode and edited.name in bpy.context.scene.objects, name
     after = read(camera, bpy.context.evaluated_depsgraph_get(), 16 / 9)
     there = [each.volume.evaluate(U, V, T).position for each in (before, after)]
     assert np.abs(there[1] - there[0]).max() == 0
@@ -340,7 +343,7 @@ def test_a_script_cannot_reshape_what_is_edited(addon):
     camera, edited = edited_elsewhere("PLANE")
     edits, refused = addon("bridge.camera.surface_edits"), addon("projection.user_error").UserError
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    with pytest.raises(refused, match="Edit Mode"):
+    with pytest.raises(refused, match="being edited"):
         edits.convert_to_grid(camera, depsgraph, 0, 3, 3, 0.001)
     assert edited.name in bpy.context.scene.objects and edited.scfpf_surface.kind == "PLANE"
 
